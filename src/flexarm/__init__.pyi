@@ -152,6 +152,8 @@ from .planning.proposals.design import design as design
 from .simulation.batch.reductions import Reduction as Reduction
 from .simulation.batch.run import simulate_batch as simulate_batch
 from .simulation.calls.compare import compare as compare
+from .simulation.calls.convergence import ConvergedRun as ConvergedRun
+from .simulation.calls.convergence import converged as converged
 from .simulation.calls.plant import Plant as Plant
 from .simulation.calls.run import simulate as simulate
 from .simulation.calls.separated import simulate_separated as simulate_separated

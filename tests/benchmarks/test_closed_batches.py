@@ -1,6 +1,7 @@
 """The benchmark of batches with controllers returns its table."""
 
 import pytest
+
 from benchmarks import closed_batches
 
 

@@ -30,7 +30,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "simulation": (
         *("simulate", "simulate_batch", "Reduction", "RunSettings"),
-        *("sensitivities", "goal_gradient"),
+        *("converged", "ConvergedRun", "sensitivities", "goal_gradient"),
         *("GeneralizedAlpha", "Plant", "realtime", "PrescribedAngle"),
         *("Event", "joint_event", "contact_event", "tip_event"),
         *("load_scenario", "run_scenario", "run_study"),

@@ -180,6 +180,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
         "duration": 0.01,
         "references": lambda: {"line": motion()},
     },
+    "converged": {"arm": arm, "duration": 0.01, "rate": 500.0},
     "contact_event": {"arm": arm, "contact": contact},
     "equilibrium": {"arm": arm},
     "flexible_torque": {"arm": arm, "motion": motion, "duration": 0.01, "rtol": 1e-4},
@@ -380,6 +381,7 @@ METHODS["RepetitiveControl"] = METHODS["RepetitiveControl"][0], {**_UPDATE, **_R
 
 #: Results that only flexarm creates, and the abstract controller, whose methods all others have.
 MADE_BY_FLEXARM = {
+    "ConvergedRun",
     "ControllerDesign",
     "Equilibrium",
     "Controller",

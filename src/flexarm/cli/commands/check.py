@@ -126,6 +126,8 @@ def _about_vibration(
         if sample_time is not None:
             text += f"; this one has {1e3 * sample_time:g} ms"
         rows.append(("sample time", text))
+    if any(link.flexible for link in arm.spec.links):
+        rows.append(("mesh", "fa.converged(arm, duration) finds the modes that a run needs"))
     return rows
 
 
