@@ -246,7 +246,7 @@ def response(A: FloatArray, B: FloatArray, C: FloatArray, z: ComplexArray) -> Co
     """Return C (z - A)^-1 B at points z (f,); NaN at poles."""
     if not len(A):
         return np.zeros((len(z), len(C), B.shape[1]), dtype=complex)
-    shifted = z[:, None, None] * np.eye(len(A)) - A
+    shifted: ComplexArray = np.asarray(z[:, None, None] * np.eye(len(A)) - A, dtype=complex)
     response: ComplexArray = C @ solved_each(shifted, B)
     return response
 
