@@ -150,6 +150,7 @@ def test_limits_require_samples(path):
     assert "--limit requires a study with samples" in done.output
 
 
+@pytest.mark.thorough
 def test_sweep_prints_the_probabilities_of_rare_failures(path):
     rare = "rare_failures: {samples: 100, limits: {tip_error_peak: 1.0e-9}}\n"
     plan = STUDY.index("samples:")

@@ -212,6 +212,7 @@ def test_spin_up_of_the_exact_beam():
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-7)
 
 
+@pytest.mark.thorough
 def test_falling_pendulum():
     beam = TangentAngle(8, 1.0, 2.0, 0.2, gravity=9.81)
     known = values("pendulum", "falling")[:2]

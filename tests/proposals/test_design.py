@@ -74,6 +74,7 @@ def test_the_proposal_has_the_required_margin_on_all_arms(moved):
     assert tried.growth.max() == pytest.approx(chosen.growth.item(), rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_the_candidate_with_the_least_error_in_the_worst_case_is_proposed(moved):
     table = moved.table
     enough = table.disk_margin >= 0.4
@@ -83,6 +84,7 @@ def test_the_candidate_with_the_least_error_in_the_worst_case_is_proposed(moved)
     assert table.plant.values.tolist() == ["nominal", "heavy, soft", "light, stiff"]
 
 
+@pytest.mark.thorough
 def test_the_scenarios_give_the_errors_of_the_table(moved):
     for name, scenario in moved.scenarios.items():
         result = fa.run_scenario(scenario, progress=False)
@@ -99,6 +101,7 @@ def test_the_scenarios_give_the_errors_of_the_table(moved):
         assert away == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.thorough
 def test_the_reasons_name_every_candidate_and_the_file_begins_with_them(moved, tmp_path):
     words = " ".join(moved.reasons)
     for name in moved.table.candidate.values:
@@ -244,6 +247,7 @@ def test_the_reason_why_nothing_can_be_designed_is_named(monkeypatch):
         fa.design(one_link(), "hold", computing="low", progress=False)
 
 
+@pytest.mark.thorough
 def test_an_uncertain_payload_requires_a_payload():
     bare = fa.Arm(links=one_link().spec.links, joints=one_link().spec.joints)
     with pytest.raises(fa.InputError, match="not supported for an arm without payload"):
