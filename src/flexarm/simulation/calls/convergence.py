@@ -32,6 +32,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model.arm.links import MOST_ELEMENTS, Link
 from flexarm.simulation.calls.preparation import RunArguments, Situation, situation_of
 from flexarm.simulation.calls.run import simulate
+from flexarm.simulation.run.integrator_choice import explicit_work
 from flexarm.simulation.run.settings import RunSettings, replaced, with_keywords
 from flexarm.simulation.run.tolerance import fastest_frequency, reach_of, tolerance_of_request
 
@@ -354,7 +355,11 @@ class _Study:
         if not done:
             return 0.0
         situation = self._situation(mesh, self._settings)
-        faster = _frequency(situation) / done[-1].frequency
+        frequency = _frequency(situation)
+        if mesh.undamped:  # vibrations that damping ends may have to be followed
+            evaluations = explicit_work(2.0 * np.pi * frequency, situation.duration)
+            return evaluations * situation.simulated.dof
+        faster = frequency / done[-1].frequency
         power = 1.0
         if len(done) > 1 and done[-1].frequency > done[-2].frequency:
             more = done[-1].evaluations / max(done[-2].evaluations, 1)
@@ -396,8 +401,11 @@ class _Study:
         """
         estimate = self.run(self.reference).bending_error
         piece, divided = (self.reference._replace(undamped=count) for count in (1, _UNDAMPED))
-        if _UNBENT < estimate / self.accuracy <= _WORTH and self._has_room(self._expected(piece)):
-            self.run(piece)  # what is expected of the other one follows from its work
+        # Modes that converge only at the finest step vibrate for the whole run without damping.
+        slow = max(self.reference.steps) == len(_ONE_PIECE) - 1
+        worth = not slow and _UNBENT < estimate / self.accuracy <= _WORTH
+        if worth and self._has_room(self._expected(piece)):
+            self.run(piece)
             if self._has_room(self._expected(divided)):
                 apart = self.apart(piece, divided)
                 return apart if np.isfinite(apart) else estimate
