@@ -84,6 +84,5 @@ def _combine_arrays(
 def _compiled_combine(
     sizes: Any, state: Any, stages: Any, weights: Any, row: Any, count: Any, h: Any, out: Any
 ) -> Any:
-    arrays = COMPILED and all(isinstance(kind, types.Array) for kind in (state, stages, out))
-    contiguous = arrays and {state.layout, stages.layout, out.layout} == {"C"}
-    return _combine_arrays if contiguous else combine
+    real = types.float64[:, :, ::1], types.float64[:, :, :, ::1]  # contiguous
+    return _combine_arrays if COMPILED and (out, stages) == real and state == out else combine

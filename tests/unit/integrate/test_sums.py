@@ -1,4 +1,4 @@
-"""Sums of stages: eight numbers at once and one by one have the same digits."""
+"""Sums of stages: the same numbers for arrays, packs and complex arrays."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def in_lanes(array):
 
 @pytest.mark.compiled
 @pytest.mark.parametrize(("bodies", "modes"), [(1, 0), (1, 1), (1, 3), (2, 1), (2, 4), (3, 5)])
-def test_arrays_and_packs_have_the_same_digits(bodies, modes):
+def test_sums_do_not_depend_on_the_number_type(bodies, modes):
     rng = np.random.default_rng(bodies + 10 * modes)
     shape, count, row, h = (2, bodies, 1 + modes), 4, 2, 0.3
     state, stages = rng.normal(size=shape), rng.normal(size=(count + 1, *shape))
@@ -39,6 +39,11 @@ def test_arrays_and_packs_have_the_same_digits(bodies, modes):
     packs = Packs.zeros(*shape)
     combined(sizes, in_lanes(state), in_lanes(stages), weights, row, count, h, packs)
     np.testing.assert_array_equal(out[..., None] + np.zeros(LANES), packs.array)
+    complex_out = np.zeros(shape, complex)
+    turned = stages * (1.0 + 2.0j)
+    combined(sizes, 1j * state, turned, weights, row, count, h, complex_out)
+    np.testing.assert_allclose(complex_out.real, out - state, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(complex_out.imag, 2.0 * out - state, rtol=0, atol=1e-14)
     plain = np.zeros(shape)
     undecorated(combine)(sizes, state, stages, weights, row, count, h, plain)
     # Sums of four products of numbers of order one, whose products are fused in compiled code.
