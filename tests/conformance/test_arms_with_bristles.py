@@ -29,7 +29,7 @@ REFUSE = {"goal_gradient", "simulate_separated"}
 #: Runs, which contain bristles, and functions without the slope of friction. Models of loops are
 #: those of a sliding joint, at which friction is constant.
 NEITHER = {
-    *("Plant", "compare", "iterative_learning", "sensitivities", "simulate"),
+    *("Plant", "compare", "converged", "iterative_learning", "sensitivities", "simulate"),
     *("simulate_batch", "contact_event", "equilibrium", "joint_event", "pressed_motion"),
     *("rigid_torque", "save_arm", "tip_event", "varied"),
     *("loop_margins", "loop_models", "robustness"),
