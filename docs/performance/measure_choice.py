@@ -1,4 +1,4 @@
-"""Table "choice" of accuracy.md: cost of the default of `simulate` over that of the best method at the same error.
+"""Table "choice" of accuracy.md: cost of default runs over that of the best method as accurate.
 
 The arms are those of ``measure_default_step``. The cost of a method at the error of the default is
 interpolated between its settings (logarithms of both). Work is counted in evaluations.
