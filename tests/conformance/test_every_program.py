@@ -96,9 +96,11 @@ def test_program_runs_in_several_calls(monkeypatch):
     assert_equal_runs(simulated(monkeypatch, True, fast()), plain)
 
 
-def test_steps_of_a_sample_are_divided_between_calls(monkeypatch):
+@pytest.mark.parametrize("name", sorted(PROGRAMMED))
+def test_steps_of_a_sample_are_divided_between_calls(monkeypatch, name):
+    """A law that looks ahead plans each sample once."""
     tight = {"rtol": 1e-13, "integrator": "dormand_prince_8"}
-    slow = fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=0.02)
+    slow = example(name)
     plain = simulated(monkeypatch, False, slow, **tight)
     assert plain.attrs["steps"] > 50
     original, seen = ClosedLoop.advance_samples, []
@@ -150,6 +152,35 @@ def test_failures_are_the_same(monkeypatch, gain):
         texts.append((str(caught.value), None if result is None else result["torque"].values))
     assert texts[0][0] == texts[1][0]
     np.testing.assert_array_equal(texts[0][1], texts[1][1])
+
+
+class Bump:
+    """Reference for one time, whose arrays of many times have the axes in another order."""
+
+    def joint_angle(self, t):
+        bump = 0.1 * np.sin(np.pi * t / 0.05) ** 2
+        return np.array([0.4 + bump, 0.1 + bump])
+
+    def joint_rate(self, t):
+        return np.array([0.0 * t, 0.0 * t])
+
+    joint_acceleration = joint_rate
+
+
+class Counting(Bump):
+    """Reference that depends on the number of its calls."""
+
+    calls = 0
+
+    def joint_angle(self, t):
+        self.calls += 1
+        return np.array([0.4 + 1e-4 * self.calls, 0.1])
+
+
+@pytest.mark.parametrize("kind", [Bump, Counting])
+def test_a_reference_of_a_user_is_asked_once_for_each_time(monkeypatch, kind):
+    results = [simulated(monkeypatch, on, fast(), reference=kind()) for on in (False, True)]
+    assert_equal_runs(*results)
 
 
 class Ending:

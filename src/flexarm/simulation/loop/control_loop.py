@@ -382,6 +382,7 @@ class ClosedLoop(RunLoop):
         while self._programmed is not None and self._runs_on():
             status, end = self._programmed.advance()
             if status is Status.PAUSED:  # many steps within a sample
+                self.run.max_steps *= 2
                 self._advance(self.now, min(self.time, self.end))
                 self._look()
             elif status is not Status.DONE:
@@ -389,6 +390,8 @@ class ClosedLoop(RunLoop):
             elif end == BENT:
                 self._look()
             elif end == REFUSED:
+                if len(self.times) < self._programmed.planned_to:
+                    self._checked(self.time, self._programmed.torque)  # it is not finite
                 return
 
     def repetition(self) -> Callable[[Run], None]:
@@ -445,6 +448,10 @@ class ClosedLoop(RunLoop):
             reason = f"the controller failed with {type(error).__name__}: {error}"
             raise SimulationError(t, reason, "", self.run.state()) from error
         self.seconds += time.perf_counter() - started
+        return self._checked(t, given)
+
+    def _checked(self, t: float, given: Any) -> FloatArray:
+        """Return torques (joints,) of the controller at t; SimulationError if it cannot be."""
         shape = (self.run.arm.joints,)
         if is_plain(given, shape) and all(map(math.isfinite, given.tolist())):
             return np.array(given)  # the controller may change its own later

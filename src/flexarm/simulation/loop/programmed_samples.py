@@ -28,8 +28,12 @@ _TIMED = 5
 class ProgrammedSamples:
     """Samples of a loop with the program of its law; see ``integrate.sampled_law``."""
 
-    def __init__(self, loop: ClosedLoop, program: LawProgram, small: float) -> None:
+    def __init__(
+        self, loop: ClosedLoop, program: LawProgram, inputs: FloatArray, small: float
+    ) -> None:
         self._loop, self._program, self._small = loop, program, small
+        # The rows of inputs that are planned, and the sample after the last of them.
+        self._planned, self._next = inputs[None], loop.tick + 1
         arm = loop.run.arm
         rows, bodies = place_gauges(arm, arm.gauges)
         joints = np.array(arm.assembly.joint_body)
@@ -40,7 +44,7 @@ class ProgrammedSamples:
         """Advance by some samples; return the status of the run, and how the call has ended."""
         loop, program, first = self._loop, self._program, self._loop.tick
         started = time.perf_counter()
-        inputs = self._planned()
+        inputs = self._rows_from(first)
         loop.seconds += time.perf_counter() - started
         memory = loop.controller.memory
         program.numbers[program.memory] = flat(memory)
@@ -60,17 +64,27 @@ class ProgrammedSamples:
             loop.controller._keep(after)
         return status, int(count[END])
 
-    def _planned(self) -> FloatArray:
-        """Return the planned inputs (samples, r) of the next samples; none where planning fails."""
+    def _rows_from(self, first: int) -> FloatArray:
+        """Return the planned inputs (samples, r) from a sample on; none where planning fails.
+
+        Each sample is planned once, in order: a plan may look ahead by counting its calls.
+        """
         loop, law = self._loop, self._loop.controller
-        numbers = np.arange(loop.tick, loop.tick + _CHUNK)
-        times = numbers * loop.sample_time
+        ahead = self._next - first
+        if ahead > 0:
+            return self._planned[len(self._planned) - ahead :]
+        times = np.arange(first, first + _CHUNK) * loop.sample_time
         times = times[loop.runs_on(times)]
-        reference: Any = loop.sampled_reference or law._rest
-        try:
-            return _rows(law.planned(times, reference), times, law, reference)
-        except Exception:  # of a plan for one time
-            pass
+        self._planned = self._plan(law, _reference(loop), times)
+        self._next = first + len(self._planned)
+        return self._planned
+
+    def _plan(self, law: Any, reference: Any, times: FloatArray) -> FloatArray:
+        if getattr(reference, "vectorized", False):
+            try:
+                return _rows(law.planned(times, reference), times, law, reference)
+            except Exception:  # of a plan for one time
+                pass
         rows: list[FloatArray] = []
         for t in times.tolist():
             try:
@@ -78,6 +92,22 @@ class ProgrammedSamples:
             except Exception:  # the sample itself reports the reason
                 break
         return np.array(rows).reshape(len(rows), self._program.inputs.size)
+
+    @property
+    def planned_to(self) -> int:
+        """Number of the first sample that is not planned."""
+        return self._next
+
+    @property
+    def torque(self) -> FloatArray:
+        """Torques (joints,) of the last evaluation, N m."""
+        return np.asarray(self._program.numbers[self._program.torque])
+
+
+def _reference(loop: ClosedLoop) -> Any:
+    """Return the reference of the plans after the first sample."""
+    given = loop.sampled_reference
+    return loop.controller._rest if given is None else given
 
 
 def _like(value: Any, numbers: FloatArray) -> Any:
@@ -88,6 +118,8 @@ def _like(value: Any, numbers: FloatArray) -> Any:
 
 def _rows(planned: Any, times: FloatArray, law: Any, reference: Any) -> FloatArray:
     """Return inputs at many times (samples, r), compared with those of single times."""
+    if any(np.shape(value)[:1] != times.shape for value in planned.values()):
+        raise ValueError("the plan is for one time")
     parts = [np.reshape(value, (len(times), -1)) for value in planned.values()]
     rows = np.concatenate([np.zeros((len(times), 0)), *parts], axis=1)
     for k in (0, len(times) // 2, -1):
@@ -123,9 +155,8 @@ def programmed_samples(
     if not (alone and plain and long and run.integrator.stepper in LOOPS):
         return None
     try:
-        reference: Any = loop.sampled_reference or law._rest
-        inputs = law.planned(loop.time, reference)
+        inputs = law.planned(loop.time, _reference(loop))
         program = program_of(law, law.memory, measurement, inputs)
     except Exception:  # the next sample reports the reason
         return None
-    return None if program is None else ProgrammedSamples(loop, program, small)
+    return None if program is None else ProgrammedSamples(loop, program, flat(inputs), small)
