@@ -68,7 +68,7 @@ def _integrate(name: str) -> None:
 
 
 def _loop() -> None:
-    often = fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=4e-5)  # its law runs as a program
+    often = fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=2e-5)  # its law runs as a program
     for method in ("dormand_prince_8", "kennedy_carpenter_5"):
         _started(controller=often, integrator=method)
     _controlled(fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=_SAMPLE_TIME))
