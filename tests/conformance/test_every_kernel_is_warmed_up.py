@@ -9,6 +9,7 @@ PROGRAM = """
 import pkgutil
 import sys
 from importlib import import_module
+from types import FunctionType
 
 import flexarm
 from flexarm.cli.features import FEATURES, compile_feature
@@ -30,12 +31,15 @@ ready = set()
 
 
 def reach(kernel):
-    # A kernel that comes from disk brings those with it that it calls.
+    # A kernel that comes from disk brings those with it that it calls, also by functions such as
+    # `combine`, which have other code for arrays of numbers.
     if kernel not in ready:
         ready.add(kernel)
-        for name in kernel.py_func.__code__.co_names:
-            called = kernel.py_func.__globals__.get(name)
-            if hasattr(called, "overloads"):
+        function = getattr(kernel, "py_func", kernel)
+        for name in function.__code__.co_names:
+            called = function.__globals__.get(name)
+            plain = isinstance(called, FunctionType) and called.__module__.startswith(LAYERS)
+            if plain or hasattr(called, "overloads"):
                 reach(called)
 
 

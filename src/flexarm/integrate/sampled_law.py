@@ -23,7 +23,8 @@ from flexarm.kernels.layout import Array, Sizes
 from flexarm.kernels.observation.shapes import strains_at
 
 #: Indices of ``SampledLaw.counts``: number of the next sample, that of the sample at which the call
-#: ends, number of the first sample of ``inputs`` and ``commands``, and where the call has ended.
+#: ends, number of the first sample of ``inputs`` and ``commands``, and where the call has ended
+#: (`REFUSED` before it).
 TICK, LAST, FIRST, END = range(4)
 #: Ends of a call: at the last sample, within one, after one at which links have bent far, or before
 #: one whose torques are not finite.
@@ -82,22 +83,25 @@ def _is_small(sizes: Sizes, state: Array, limit: float) -> bool:
 
 
 @inner
-def _next_sample(law: SampledLaw) -> float:
-    """Count a sample; return the time (s) until which its torques are held."""
-    law.counts[TICK] += 1
-    law.counts[END] = WITHIN
-    until: float = min(law.counts[TICK] * law.times[0], law.times[1])
+def _held_until(system: System, state: Array, law: SampledLaw) -> float:
+    """Hold the torques of the next sample; return the time (s) of its end, or -1 if the call ends.
+
+    The sample before has ended.
+    """
+    counts = law.counts
+    if counts[END] == WITHIN:
+        counts[END] = COMPLETE
+        if not _is_small(system.sizes, state, law.small):
+            counts[END] = BENT
+            return -1.0
+    if counts[TICK] == counts[LAST]:
+        return -1.0
+    if not _commanded(system.sizes, state, system.drive.coefficients, law):
+        return -1.0
+    counts[TICK] += 1
+    counts[END] = WITHIN
+    until: float = min(counts[TICK] * law.times[0], law.times[1])
     return until
-
-
-@inner
-def _goes_on(sizes: Sizes, state: Array, law: SampledLaw) -> bool:
-    """Return whether the links have not bent far at the end of a sample."""
-    law.counts[END] = COMPLETE
-    if _is_small(sizes, state, law.small):
-        return True
-    law.counts[END] = BENT
-    return False
 
 
 @unlocked
@@ -106,21 +110,17 @@ def sampled_explicit(
     tolerance: Tolerance,
     record: ExplicitRecord,
     memory: Memory,
-    until: float,
+    end: float,
     max_steps: int,
     law: SampledLaw,
 ) -> int:
     """Advance from sample to sample by ``advance_explicit``; see the module."""
-    sizes, state, coefficients = system.sizes, memory.state, system.drive.coefficients
-    while law.counts[TICK] < law.counts[LAST]:
-        if not _commanded(sizes, state, coefficients, law):
-            return DONE
-        status = advance_explicit(system, tolerance, record, memory, _next_sample(law), max_steps)
-        if status != DONE:
-            return status
-        if not _goes_on(sizes, state, law):
-            return DONE
-    return DONE
+    status, until = DONE, _held_until(system, memory.state, law)
+    while status == DONE and until > 0.0:
+        status = advance_explicit(system, tolerance, record, memory, until, max_steps)
+        if status == DONE:
+            until = _held_until(system, memory.state, law)
+    return status
 
 
 @unlocked
@@ -129,21 +129,17 @@ def sampled_additive(
     tolerance: Tolerance,
     record: AdditiveRecord,
     memory: Memory,
-    until: float,
+    end: float,
     max_steps: int,
     law: SampledLaw,
 ) -> int:
     """Advance from sample to sample by ``advance_additive``; see the module."""
-    sizes, state, coefficients = system.sizes, memory.state, system.drive.coefficients
-    while law.counts[TICK] < law.counts[LAST]:
-        if not _commanded(sizes, state, coefficients, law):
-            return DONE
-        status = advance_additive(system, tolerance, record, memory, _next_sample(law), max_steps)
-        if status != DONE:
-            return status
-        if not _goes_on(sizes, state, law):
-            return DONE
-    return DONE
+    status, until = DONE, _held_until(system, memory.state, law)
+    while status == DONE and until > 0.0:
+        status = advance_additive(system, tolerance, record, memory, until, max_steps)
+        if status == DONE:
+            until = _held_until(system, memory.state, law)
+    return status
 
 
 #: Loops by the stepper that they call.

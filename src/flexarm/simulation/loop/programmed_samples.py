@@ -106,8 +106,8 @@ class ProgrammedSamples:
 
 def _reference(loop: ClosedLoop) -> Any:
     """Return the reference of the plans after the first sample."""
-    given = loop.sampled_reference
-    return loop.controller._rest if given is None else given
+    reference = loop.sampled_reference
+    return loop.controller._rest if reference is None else reference
 
 
 def _like(value: Any, numbers: FloatArray) -> Any:
@@ -131,12 +131,12 @@ def _rows(planned: Any, times: FloatArray, law: Any, reference: Any) -> FloatArr
 def _seconds(program: LawProgram) -> float:
     """Return the time of an evaluation of a program, s."""
     trial = program._replace(numbers=program.numbers.copy())
-    found = []
+    durations = []
     for _ in range(_TIMED):
         started = time.perf_counter()
         law_step(trial)
-        found.append(time.perf_counter() - started)
-    return min(found)
+        durations.append(time.perf_counter() - started)
+    return min(durations)
 
 
 def programmed_samples(
