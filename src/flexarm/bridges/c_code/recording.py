@@ -18,13 +18,12 @@ from flexarm.bridges.c_code.observer import Observer
 from flexarm.bridges.c_code.source import Exported
 from flexarm.bridges.c_code.traced_law import (
     TracedController,
-    around,
     exports_plan,
     gain_table,
     plan_over,
     refusal,
 )
-from flexarm.control.contract.base import Arrays
+from flexarm.control.contract.base import Arrays, around
 from flexarm.control.filters.kalman_filter import ExtendedKalmanFilter
 from flexarm.control.filters.predicted_readings import PredictedReadings
 from flexarm.control.hardware.measurement import Measurement

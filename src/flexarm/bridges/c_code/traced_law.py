@@ -7,7 +7,7 @@ code computes them from the reference.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,7 +21,7 @@ from flexarm.base.errors import InputError, Problem
 from flexarm.bridges.c_code.model_functions import NamedFunction, named
 from flexarm.bridges.symbolic.kernel_calls import SymbolError, objects, plain
 from flexarm.bridges.symbolic.symbol_array import SymbolArray, branched, make_symbolic, symbol_array
-from flexarm.control.contract.base import Arrays, Rest, is_law, requirements_of
+from flexarm.control.contract.base import Arrays, Rest, around, is_law, requirements_of
 from flexarm.control.design.nominal import Interpolated
 from flexarm.control.design.rigid_model import SurfaceMotion
 from flexarm.control.hardware.measurement import Measurement
@@ -76,13 +76,6 @@ def _has_nan(planned: Arrays) -> bool:
 def _planned_here(controller: Any) -> bool:
     """Return whether this package wrote a plan, which may read the reference at other times."""
     return str(type(controller).planned.__module__).startswith("flexarm.")
-
-
-def around(controller: Any) -> Iterator[Any]:
-    """Iterate over a controller, the controller inside it, and so on."""
-    while controller is not None:
-        yield controller
-        controller = getattr(controller, "inner", None)
 
 
 class ReferenceInputs:

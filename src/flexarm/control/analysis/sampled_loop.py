@@ -18,7 +18,7 @@ from flexarm.control.analysis.linear_controller import (
     LinearController,
     linear_controller,
 )
-from flexarm.control.contract.base import Controller, Reference
+from flexarm.control.contract.base import Controller, Reference, around
 from flexarm.control.design.linear_design import held
 from flexarm.control.hardware.measurement import FloatArray, faulty, filter_of, stride_and_delay
 from flexarm.linear.models.linearize import linearize
@@ -283,10 +283,7 @@ class Sliding(NamedTuple):
 
 def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Sliding:
     """Remove dry friction, unless the controller models it and there is no ``reference``."""
-    believed, inner = [], controller
-    while inner is not None:
-        believed.append(getattr(inner, "arm", None))
-        inner = getattr(inner, "inner", None)
+    believed = [getattr(law, "arm", None) for law in around(controller)]
     rate = max([0.0, *(_sliding_rate(arm) for arm in believed if isinstance(arm, Arm))])
     if rate > 0.0 and reference is None:
         return Sliding(0.0, arms)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import wraps
 from types import MethodType
 from typing import Any, NamedTuple, Protocol, cast
@@ -313,18 +313,21 @@ def law_of(controller: Any) -> Controller:
     return own or UpdateLaw(controller)
 
 
+def around(controller: Any) -> Iterator[Any]:
+    """Iterate over a controller, the controller inside it, and so on."""
+    while controller is not None:
+        yield controller
+        controller = getattr(controller, "inner", None)
+
+
 def has_poles(controller: Any) -> bool:
     """Return whether the loop of a controller has poles and margins."""
-    inner = getattr(controller, "inner", None)
-    linearizable = is_law(controller) and controller.linearizable
-    return linearizable and (inner is None or has_poles(inner))
+    return is_law(controller) and all(law.linearizable for law in around(controller))
 
 
 def is_law(controller: Any) -> bool:
     """Return whether the torque of a controller, and of that inside it, is that of a pure step."""
-    inner = getattr(controller, "inner", None)
-    pure = isinstance(controller, Controller) and _steps(controller)
-    return pure and (inner is None or is_law(inner))
+    return all(isinstance(law, Controller) and _steps(law) for law in around(controller))
 
 
 def declares(controller: object, name: str) -> bool:

@@ -8,12 +8,12 @@ memory are equal to the last bit, but for the signs of zeros. Each law is tested
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from flexarm.control.contract.base import Arrays, Controller, is_law
+from flexarm.control.contract.base import Arrays, Controller, around, is_law
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 from flexarm.kernels.controller_terms.law_program import OPERATIONS, LawProgram, law_step
 
@@ -164,7 +164,7 @@ def program_of(
     Args:
         memory, readings, inputs: of a sample, in the forms of all samples.
     """
-    if not is_law(law) or not all(map(_is_built_in, _around(law))):
+    if not is_law(law) or not all(map(_is_built_in, around(law))):
         return None  # a user's step may note numbers
     parts = memory, {name: readings[name] for name in _SENSED}, inputs
     if any(np.asarray(value).dtype.kind not in "fib" for part in parts for value in part.values()):
@@ -195,13 +195,6 @@ def program_of(
     )
     with np.errstate(all="ignore"):  # random numbers may be outside the range of a function
         return program if _is_equal(program, law, parts) else None
-
-
-def _around(law: Any) -> Iterator[Any]:
-    """Iterate over a controller, the controller inside it, and so on."""
-    while law is not None:
-        yield law
-        law = getattr(law, "inner", None)
 
 
 def _is_built_in(law: Any) -> bool:

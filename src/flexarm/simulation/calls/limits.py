@@ -12,7 +12,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import theory_error
 from flexarm.arm.observe import contact_values
 from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, LimitWarning
-from flexarm.control.contract.base import Controller, Reference
+from flexarm.control.contract.base import Controller, Reference, around
 from flexarm.control.hardware.measurement import Readings
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.contact import CURVATURE, GAP
@@ -125,12 +125,8 @@ def _harm(error: FloatArray, saturated: BoolArray) -> float:
 
 def _without_limit(controller: object) -> bool:
     """Return whether a controller, or one inside, accepts the limit of the motors but has none."""
-    while controller is not None:
-        limit = getattr(controller, "torque_limit", 0.0)
-        if limit is None or not np.isfinite(np.asarray(limit, dtype=float)).all():
-            return True
-        controller = getattr(controller, "inner", None)
-    return False
+    limits = (getattr(law, "torque_limit", 0.0) for law in around(controller))
+    return any(x is None or not np.isfinite(np.asarray(x, dtype=float)).all() for x in limits)
 
 
 def instrument_numbers(readings: Sequence[Readings]) -> dict[str, FloatArray]:
