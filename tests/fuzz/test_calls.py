@@ -55,6 +55,21 @@ def test_base_calls_are_accepted(name):
     assert not missing, f"{name} returns a {type(returned).__name__} with methods without base call"
 
 
+@pytest.mark.parametrize(
+    ("name", "argument", "value"),
+    [
+        ("IntegralResonantControl.strain_correction", "t", "empty array"),
+        ("PositivePositionFeedback.strain_correction", "t", "empty array"),
+        ("Arm.motor_torque", "voltage", "object array of objects"),
+        ("SampledModel.frequency_response", "omega", "zero"),
+        ("MotionLimits", "joint_angle", "0-d array"),
+    ],
+)
+def test_defects_that_were_found_at_random(name, argument, value):
+    """Each raised an exception that was no error of flexarm."""
+    check_call(name, {argument: value})
+
+
 @pytest.mark.sampled(
     "plot.bending_moment-result",
     "plot.compare-channels",

@@ -318,7 +318,8 @@ class MotionLimits:
 def _angle_range(given: Any) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and the highest joint angles, each () or (joints,), rad."""
     rule = "be a pair: the lowest angle and a higher one, or lists of them"
-    if not isinstance(given, list | tuple | np.ndarray) or len(given) != 2:
+    array = isinstance(given, np.ndarray) and given.ndim > 0
+    if not (array or isinstance(given, list | tuple)) or len(given) != 2:
         raise InputError(Problem("joint_angle", rule, shown(given)))
     lower, upper = (check_numbers("joint_angle", part, rule) for part in given)
     if max(lower.ndim, upper.ndim) > 1 or not _less(lower, upper):
