@@ -102,9 +102,11 @@ from .linear.small_deviations.along import Separation as Separation
 from .linear.small_deviations.along import linearize_along as linearize_along
 from .linear.step_derivatives.sampled_step import StepJacobian as StepJacobian
 from .linear.step_derivatives.sampled_step import step_jacobian as step_jacobian
+from .model import Base as Base
 from .model import Box as Box
 from .model import Change as Change
 from .model import Circle as Circle
+from .model import Closure as Closure
 from .model import Contact as Contact
 from .model import Filter as Filter
 from .model import FreeParameter as FreeParameter

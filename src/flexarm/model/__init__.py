@@ -15,6 +15,8 @@ from flexarm.model.arm.links import Rectangle as Rectangle
 from flexarm.model.arm.links import SectionTable as SectionTable
 from flexarm.model.arm.links import Tube as Tube
 from flexarm.model.arm.spec import ArmSpec as ArmSpec
+from flexarm.model.arm.spec import Base as Base
+from flexarm.model.arm.spec import Closure as Closure
 from flexarm.model.arm.spec import Friction as Friction
 from flexarm.model.arm.spec import Joint as Joint
 from flexarm.model.arm.spec import JointLimits as JointLimits

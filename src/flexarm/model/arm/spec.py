@@ -12,6 +12,8 @@ from flexarm.base.errors import InputError, Problem, shown
 from flexarm.model.arm.links import Link
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import (
+    Count,
+    CountOrZero,
     Flag,
     Listed,
     NonNegative,
@@ -145,6 +147,18 @@ class Joint(Record):
     and the joint angle is that of the motor divided by the gear ratio.
     """
 
+    kind: Literal["revolute", "prismatic"] = "revolute"
+    """Whether the joint turns (revolute) or slides (prismatic). For a sliding joint, read lengths
+    for angles and forces for torques in the fields below: m for rad, N for N m, and rad/m for the
+    gear ratio."""
+    axis: Pair = (1.0, 0.0)
+    """Direction in which a sliding joint moves its link, in the axes of the section that carries
+    the joint."""
+    offset: Pair = (0.0, 0.0)
+    """Position of the joint from the point that carries it, in the axes of that section (m)."""
+    mounting_angle: Number = 0.0
+    """Angle of the root tangent of the link from the section that carries the joint, at a joint
+    angle of zero or at any position of a sliding joint (rad)."""
     fixed: Flag = False
     """Whether the joint is rigid at rest_angle; otherwise it is driven by a motor."""
     hub_inertia: NonNegative = 0.0
@@ -239,6 +253,51 @@ class Payload(Record):
 
 MOST_LINKS = 256
 
+Triple = tuple[NonNegative, NonNegative, NonNegative]
+
+
+class Base(Record):
+    """The body that carries the first joint: fixed, free to move, or elastically supported.
+
+    Its origin is at the world's origin at rest. Joints of links with ``parent=0`` sit on it.
+    """
+
+    mass: NonNegative = 0.0
+    """Mass (kg)."""
+    inertia: NonNegative = 0.0
+    """Rotary inertia about its centre of mass (kg m^2)."""
+    centre: Pair = (0.0, 0.0)
+    """Centre of mass from the origin of the base, in its axes (m)."""
+    free: tuple[Literal["x", "y", "angle"], ...] = ()
+    """Coordinates of the base that move: x and y along the world's axes, and its angle."""
+    stiffness: Triple = (0.0, 0.0, 0.0)
+    """Springs to the ground of x, y and angle, unloaded at zero (N/m, N/m, N m/rad)."""
+    damping: Triple = (0.0, 0.0, 0.0)
+    """Dampers to the ground of x, y and angle (N s/m, N s/m, N m s/rad)."""
+
+
+class Closure(Record):
+    """A connection that closes a loop: two points are pinned, welded, or slide along a line."""
+
+    kind: Literal["pin", "weld", "line"] = "pin"
+    """Equal positions (pin), also equal angles (weld), or a point on a line (line)."""
+    link: Count
+    """Number of the link of the first point."""
+    station: NonNegative | None = None
+    """Distance of the first point from the root of its link (m); by default at the tip."""
+    offset: Pair = (0.0, 0.0)
+    """First point from the axis of its link, in the axes of the section (m)."""
+    to_link: CountOrZero | None = None
+    """Number of the link of the second point, 0 for the base; by default the ground."""
+    to_station: NonNegative | None = None
+    """Distance of the second point from the root of its link (m); by default at the tip."""
+    to_offset: Pair = (0.0, 0.0)
+    """Second point from the axis of its link, in the axes of the section; of the base in its axes,
+    of the ground in world axes (m)."""
+    angle: Number = 0.0
+    """Weld: angle of the first section from the second. Line: direction of the line from the second
+    section (rad)."""
+
 
 class ArmSpec(Record):
     """A planar serial arm; joint i is between the tip of link i-1 and the root of link i."""
@@ -251,6 +310,10 @@ class ArmSpec(Record):
     """Rigid body at the tip of the last link."""
     gravity: Pair = (0.0, 0.0)
     """Acceleration of gravity [x, y] in the world frame (m/s^2)."""
+    base: Base = Base()
+    """Body that carries the first joint; by default the ground."""
+    closures: Listed[Closure] = ()
+    """Connections that close loops; none by default."""
     theory: Literal["linear", "second_order"] = "linear"
     """Beam theory: linear, or second_order with shortening due to bending."""
 
