@@ -53,12 +53,14 @@ def _accelerations(
 ) -> None:
     """Compute, outwards, accelerations of each body's root and tip, in the body's axes."""
     c = constants
-    Ax = loads.base_acceleration[0] - c.arm[GRAVITY_X]
-    Ay = loads.base_acceleration[1] - c.arm[GRAVITY_Y]
+    ground_x = loads.base_acceleration[0] - c.arm[GRAVITY_X]
+    ground_y = loads.base_acceleration[1] - c.arm[GRAVITY_Y]
+    Ax = ground_x
+    Ay = ground_y
     Aw = 0.0
     for i in range(len(sizes.bodies)):
         if len(sizes.tree) > 0:
-            Ax, Ay, Aw = carrier_acceleration(sizes, c, i, loads, work)
+            Ax, Ay, Aw = carrier_acceleration(sizes, i, ground_x, ground_y, work)
         cosine = work.body[i, COSINE]
         sine = work.body[i, SINE]
         turned = cosine * Ax + sine * Ay
