@@ -13,11 +13,9 @@ from flexarm.integrate.memory import EVALUATIONS, Memory
 from flexarm.kernels.columns import GAP, GAP_RATE
 from flexarm.kernels.compilation.cache import apart, compiled, merged
 from flexarm.kernels.compilation.numbers import real
-from flexarm.kernels.forces.contact import place_bodies
-from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
-from flexarm.kernels.recursion.closures import closure_response, closure_rows, solve_rows
+from flexarm.kernels.recursion.closures import closure_gaps, closure_response, solve_rows
 
 #: Rounds of a projection. The matrix of the first is kept, so that gaps decrease in each by the
 #: ratio of the gap to the size of the mechanism; the rounds end when they no longer decrease.
@@ -57,9 +55,7 @@ def close_state(
     gap = _largest(sizes, work, GAP)
     for _ in range(_ROUNDS):
         _move(sizes, constants, state, 0, GAP, work)
-        link_terms(sizes, constants, state, work)
-        place_bodies(sizes, constants, state, work)
-        closure_rows(sizes, constants, work)
+        closure_gaps(sizes, constants, state, work)
         before = gap
         gap = _largest(sizes, work, GAP)
         if not gap < 0.5 * before:

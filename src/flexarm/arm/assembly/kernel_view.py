@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from flexarm.arm.assembly.assemble import Assembly, FloatArray, IntArray
+from flexarm.kernels.columns import MULTIPLIER
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.derivatives.sensitivity import forward_jacobian
 from flexarm.kernels.layout import (
@@ -89,6 +90,10 @@ class KernelView:
         """Return the generalised force (n, 1 + m) of a motion, in the workspace."""
         self.call(inverse_dynamics, state, acceleration, loads or self.loads, self.work)
         return self.work.force
+
+    def set_closure_forces(self, forces: Array) -> None:
+        """Set the multipliers (rows,) of closures that inverse dynamics use."""
+        self.work.closure[:, MULTIPLIER] = forces
 
     def zeros(self, *leading: int) -> Array:
         """Return zeros (..., n, 1 + m) of the workspace's number type."""

@@ -22,9 +22,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from flexarm.kernels.compilation.cache import apart, merged
+from flexarm.kernels.compilation.cache import apart, compiled, merged
 from flexarm.kernels.compilation.numbers import cos, real, sin
 from flexarm.kernels.forces.contact import place_bodies
+from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.recursion.outward import spread
 from flexarm.kernels.recursion.symmetric import read_symmetric
@@ -114,6 +115,14 @@ def closure_rows(sizes: Sizes, constants: ArmConstants, work: Workspace) -> None
         row[c, SECOND_WRENCH + 2] = boy * nx - box * ny
         if kind == ROW_LINE:
             row[c, SECOND_WRENCH + 2] += lever
+
+
+@compiled
+def closure_gaps(sizes: Sizes, constants: ArmConstants, state: Array, work: Workspace) -> None:
+    """Fill the rows of ``work.closure`` up to SECOND_WRENCH, without RELATIVE and MULTIPLIER."""
+    link_terms(sizes, constants, state, work)
+    place_bodies(sizes, constants, state, work)
+    closure_rows(sizes, constants, work)
 
 
 @merged
