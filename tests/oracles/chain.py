@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -39,6 +39,12 @@ class Piece:
     start: float
     rows: slice
     seat: Seat = field(default_factory=Seat)
+
+    def meshed(self, elements: int) -> Piece:
+        """Return the piece with this number of elements."""
+        if elements == self.link.elements:
+            return self
+        return replace(self, link=self.link.model_copy(update={"elements": elements}))
 
 
 def cut(spec: ArmSpec) -> list[Piece]:

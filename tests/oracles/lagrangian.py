@@ -31,7 +31,6 @@ from .joint_laws import back_electromotive, joint_energy, joint_loss
 from .load_points import LoadPoints, load_points
 from .material_points import MaterialPoints, material_points
 
-
 #: Names of the coordinates of a base, in their order.
 BASE = ("x", "y", "angle")
 
@@ -84,9 +83,9 @@ def half(weight: Any, speed: Any) -> Any:
 class LagrangianOracle:
     """Dynamics of an arm from its energies.
 
-    spec: the arm's specification. basis: for each link, or segment of one, None (nodal coordinates)
-    or the shapes of a reduced model, (2 * elements, m); the coordinates are then the factors of
-    those shapes.
+    spec: the arm's specification. basis: for each link, or part of one, None (nodal coordinates) or
+    the shapes of a reduced model, (2 * elements, m); the coordinates are then the factors of those
+    shapes, and the elements of a part those of its shapes.
     precision: number type of the arithmetic inside; results are float64. Mass matrices of serial
     arms have condition numbers up to 1e6, so that accelerations computed from float64 entries are
     good to 1e-10 only: extended numbers keep the oracle out of the error of a comparison, and
@@ -101,8 +100,12 @@ class LagrangianOracle:
     ) -> None:
         self.spec = spec
         self.precision = precision
-        self.pieces = cut(spec)
-        self.bases = basis if basis is not None else [None] * len(self.pieces)
+        pieces = cut(spec)
+        self.bases = basis if basis is not None else [None] * len(pieces)
+        self.pieces = [
+            piece if shapes is None else piece.meshed(len(shapes) // 2)
+            for piece, shapes in zip(pieces, self.bases, strict=True)
+        ]
         self.points = [
             material_points(piece.link, shapes, precision)
             for piece, shapes in zip(self.pieces, self.bases, strict=True)

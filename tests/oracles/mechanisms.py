@@ -68,18 +68,16 @@ class MechanismOracle(LagrangianOracle):
         mass, bias, total = self._lagrange(q, qd)
         force = -bias
         force[self.joint_index] += torque
-        n = self.dof
         gaps = self._gaps(total)
-        gap = np.array([g.value.value for g in gaps], dtype=self.precision)
-        derivatives = [g.rate.first for g in gaps]  # by rates, then by coordinates
-        by_state = np.array(derivatives, dtype=self.precision).reshape(len(gaps), 2 * n)
-        jacobian, gamma = by_state[:, :n], by_state[:, n:] @ qd
+        derivatives = [gap.rate.first for gap in gaps]  # by rates, then by coordinates
+        by_state = np.array(derivatives, dtype=self.precision).reshape(len(gaps), 2 * self.dof)
+        jacobian, gamma = by_state[:, : self.dof], by_state[:, self.dof :] @ qd
         acceleration, closure_force = constrained(mass, force, jacobian, gamma)
         kinetic, strain, gravity = self.energy(q, qd)
         return Mechanics(
             mass=mass.astype(float),
             acceleration=acceleration,
-            gap=gap.astype(float),
+            gap=np.array([gap.value.value for gap in gaps], dtype=float),
             gap_jacobian=jacobian.astype(float),
             gap_bias=gamma.astype(float),
             closure_force=closure_force,
@@ -104,6 +102,17 @@ class MechanismOracle(LagrangianOracle):
         """Return the gaps of all closures, (c,): zero if they are closed."""
         return self._plain(q, lambda total: [gap.value for gap in self._gaps(total)])
 
+    def gap_jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the gaps by the coordinates, (c, dof)."""
+        variables = Jet.variables(np.asarray(q, dtype=float), rows=0)
+        gaps = self._gaps(self._energies(Rate(variables, np.zeros(self.dof))))
+        return np.array([gap.value.first for gap in gaps], dtype=float).reshape(-1, self.dof)
+
+    def points_of(self, closure: Closure, q: np.ndarray) -> np.ndarray:
+        """Return position (m) and angle of the section (rad) of both points of a closure, (2,
+        3)."""
+        return self._plain(q, lambda total: [flat(end) for end in self._ends(total, closure)])
+
     def tips(self, q: np.ndarray) -> np.ndarray:
         """Return position (m) and angle (rad) of the tip of each link, (links, 3)."""
         last = {piece.owner: k for k, piece in enumerate(self.pieces)}
@@ -116,6 +125,18 @@ class MechanismOracle(LagrangianOracle):
         moving = Jet.variables(np.zeros(3, dtype=self.precision), rows=0)
         total = self._energies(Rate(q, qd), ground=Rate(np.zeros(3), moving))
         return total.kinetic.first.astype(float)
+
+    def momentum_rate(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """Return the derivative of the momentum by time, (3,)."""
+        by_time = np.array([0.0, 0.0, 0.0, 1.0])  # after the three rates of the rigid motion
+        nothing = np.zeros((self.dof, 3, 4))
+        values, rates = (
+            Jet(q, np.outer(qd, by_time), nothing),
+            Jet(qd, np.outer(qdd, by_time), nothing),
+        )
+        moving = Jet(np.zeros(3), np.eye(3, 4), np.zeros((3, 3, 4)))
+        total = self._energies(Rate(values, rates), ground=Rate(np.zeros(3), moving))
+        return total.kinetic.second[:, 3].astype(float)
 
     def _plain(self, q: np.ndarray, of: Any) -> np.ndarray:
         q = np.asarray(q, dtype=float)
