@@ -175,7 +175,26 @@ def cylinder_boom(boom: float = 0.5, **fields: Any) -> Closed:
     )
 
 
-#: All of them, by name, with flexible links.
+def parallelograms(loops: int = 2, **fields: Any) -> Closed:
+    """Return rigid four-bars in a row, of rods of 1 m and 1 kg, with upright cranks.
+
+    The rigid benchmark of N four-bars; its energy is ``rigid_mechanisms.parallelogram_energy``.
+    """
+    rod = Link(length=1.0, mass_per_length=1.0, flexible=False)
+    links, joints, closures, posture = [rod], [Joint()], [], [np.pi / 2]
+    for k in range(loops):
+        # The coupler on the crank before, and the next crank on the ground.
+        before = 1 if k == 0 else 2 * k + 1
+        links += [rod.replace(parent=before), rod.replace(parent=0)]
+        joints += [Joint(), Joint(offset=(k + 1.0, 0.0))]
+        closures.append(Closure(link=2 * k + 2, to_link=2 * k + 3))
+        posture += [-np.pi / 2, np.pi / 2]
+    gravity = (0.0, -9.81)
+    arm = {"links": links, "joints": joints, "closures": closures, "gravity": gravity, **fields}
+    return Closed(arm, np.array(posture))
+
+
+#: All of them, by name; links are flexible but for rods of cylinders and parallelograms.
 CLOSED = {
     function.__name__: function
     for function in (
@@ -185,5 +204,6 @@ CLOSED = {
         cooperating_arms,
         three_rrr,
         cylinder_boom,
+        parallelograms,
     )
 }

@@ -68,11 +68,12 @@ class Energies:
 
 class Moving(NamedTuple):
     """Accelerations (dof,), motor torques (joints,) N m, forces of the joints on their outboard
-    links (joints, 2), world axes, N."""
+    links (links, 2), world axes, N, and of closures (c,), N and N m."""
 
     acceleration: np.ndarray
     torque: np.ndarray
     joint_force: np.ndarray
+    closure_force: np.ndarray
 
 
 def half(weight: Any, speed: Any) -> Any:
@@ -176,7 +177,7 @@ class LagrangianOracle:
         if tip_force is not None:
             jacobian = np.array([pose.value.first[self.dof :] for pose in total.tip])
             force += np.asarray(tip_force) @ jacobian[: len(tip_force)]
-        return solved(mass, force)
+        return constrained(mass, force, *self._closures(total, qd))[0]
 
     def moving(
         self,
@@ -192,16 +193,20 @@ class LagrangianOracle:
         """Return the motion under loads, on a moving base, with prescribed joints.
 
         torque: (joints,) N m, ignored for the joints that ``given`` (by number of the link)
-        assigns an acceleration, rad/s^2.
+        assigns an acceleration, rad/s^2. The base moves the joints on it; closures with it and with
+        the ground have another meaning then.
         """
         n, k = self.dof, 2 * len(self.spec.links)
-        slid, sliding = np.zeros(k), np.zeros(k)
-        sliding[:2] = base_velocity
-        mass, bias, total = self._lagrange(np.append(q, slid), np.append(qd, sliding))
+        released = np.zeros((2, k))  # velocities and accelerations
+        for piece in self.pieces:
+            if piece.joint is not None and piece.seat.piece is None:
+                at = 2 * piece.owner
+                released[:, at : at + 2] = base_velocity, base_acceleration
+        rates = np.append(qd, released[0])
+        mass, bias, total = self._lagrange(np.append(q, np.zeros(k)), rates)
         force = self._load_force(total, loads, n + k) - bias
         motor = np.array(torque, dtype=float)
-        qdd = np.zeros(n + k)
-        qdd[n : n + 2] = base_acceleration
+        qdd = np.append(np.zeros(n), released[1])
         free = np.ones(n + k, dtype=bool)
         free[n:] = False
         for joint, acceleration in (given or {}).items():
@@ -209,13 +214,32 @@ class LagrangianOracle:
             qdd[self.angle_of[joint - 1]] = acceleration
             motor[list(self.angle_of).index(joint - 1)] = 0.0
         force[self.joint_index] += motor
+        jacobian, gamma = self._closures(total, rates)
         part = np.ix_(free, free)
-        qdd[free] = solved(mass[part], force[free] - mass[np.ix_(free, ~free)] @ qdd[~free])
-        missing = mass @ qdd - force  # forces of the constraints
+        qdd[free], closure_force = constrained(
+            mass[part],
+            force[free] - mass[np.ix_(free, ~free)] @ qdd[~free],
+            jacobian[:, free],
+            gamma + jacobian[:, ~free] @ qdd[~free],
+        )
+        missing = mass @ qdd - force - closure_force @ jacobian  # forces of the constraints
         for joint in given or {}:
             place_in_q = self.angle_of[joint - 1]
             motor[list(self.angle_of).index(joint - 1)] = float(missing[place_in_q])
-        return Moving(qdd[:n], motor, missing[n:].astype(float).reshape(-1, 2))
+        reactions = missing[n:].astype(float).reshape(-1, 2)
+        return Moving(qdd[:n], motor, reactions, closure_force)
+
+    def _closures(self, total: Energies, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return Jacobian (c, n) and velocity products (c,) of closures for rates (n,); ``total``
+        has derivatives."""
+        gaps = self._gaps(total)
+        derivatives = [gap.rate.first for gap in gaps]  # by rates, then by coordinates
+        by_state = np.array(derivatives, dtype=self.precision).reshape(len(gaps), 2 * len(rates))
+        return by_state[:, : len(rates)], by_state[:, len(rates) :] @ rates
+
+    def _gaps(self, total: Energies) -> list[Rate]:
+        """Return the gaps of all closures; see ``mechanisms``."""
+        return []
 
     def _load_force(self, total: Energies, loads: Sequence[Any], size: int) -> np.ndarray:
         """Return the generalised force (size,) of loads on the coordinates, with those of released
@@ -396,6 +420,21 @@ def solved(mass: np.ndarray, force: np.ndarray, scale: np.ndarray | None = None)
         residual = force - scale[:, None] * mass * scale @ solution
         solution = solution + np.linalg.solve(scaled, residual.astype(float))
     return (scale * solution).astype(float)
+
+
+def constrained(
+    mass: np.ndarray, force: np.ndarray, jacobian: np.ndarray, gamma: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve M a = force + J^T lambda, J a = -gamma for a (n,) and lambda (c,), as float64."""
+    if not len(jacobian):
+        return solved(mass, force), np.zeros(0)
+    nothing = np.zeros((len(gamma), len(gamma)), dtype=mass.dtype)
+    matrix = np.block([[mass, -jacobian.T], [jacobian, nothing]])
+    # Unit diagonal of M and unit rows of J, which the solution does not depend on.
+    units = 1 / np.sqrt(np.diag(mass))
+    rows = 1 / np.linalg.norm((jacobian * units).astype(float), axis=1)
+    solution = solved(matrix, np.concatenate([force, -gamma]), np.concatenate([units, rows]))
+    return solution[: len(mass)], solution[len(mass) :]
 
 
 def place(origin: tuple[Rate, Rate], angle: Rate, x: Any, y: Any) -> tuple[Rate, Rate]:

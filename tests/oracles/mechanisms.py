@@ -23,7 +23,7 @@ import flexarm as fa
 from flexarm.model import Closure
 
 from .jets import Jet, Rate, cos, sin
-from .lagrangian import Energies, LagrangianOracle, Pose, place, solved
+from .lagrangian import Energies, LagrangianOracle, Pose, constrained, place
 from .load_points import load_points
 
 
@@ -57,27 +57,26 @@ def oracle_of(arm: Any, precision: type[np.floating] = np.longdouble) -> Mechani
 
 
 class MechanismOracle(LagrangianOracle):
-    """Dynamics of an arm with any base, branches, sliding joints and closures."""
+    """Dynamics of an arm with any base, branches, sliding joints and closures.
+
+    ``moving`` adds loads, prescribed joints and the reactions of joints.
+    """
 
     def at(self, q: np.ndarray, qd: np.ndarray, torque: Any) -> Mechanics:
         """Return all results under joint torques or forces (joints,), N m or N.
 
-        Raises:
-            numpy.linalg.LinAlgError: if closures depend on each other.
+        Closures must be independent.
         """
         mass, bias, total = self._lagrange(q, qd)
         force = -bias
         force[self.joint_index] += torque
-        gaps = self._gaps(total)
-        derivatives = [gap.rate.first for gap in gaps]  # by rates, then by coordinates
-        by_state = np.array(derivatives, dtype=self.precision).reshape(len(gaps), 2 * self.dof)
-        jacobian, gamma = by_state[:, : self.dof], by_state[:, self.dof :] @ qd
+        jacobian, gamma = self._closures(total, qd)
         acceleration, closure_force = constrained(mass, force, jacobian, gamma)
         kinetic, strain, gravity = self.energy(q, qd)
         return Mechanics(
             mass=mass.astype(float),
             acceleration=acceleration,
-            gap=np.array([gap.value.value for gap in gaps], dtype=float),
+            gap=np.array([gap.value.value for gap in self._gaps(total)], dtype=float),
             gap_jacobian=jacobian.astype(float),
             gap_bias=gamma.astype(float),
             closure_force=closure_force,
@@ -87,16 +86,6 @@ class MechanismOracle(LagrangianOracle):
             momentum=self.momentum(q, qd),
             tips=self.tips(q),
         )
-
-    def acceleration(
-        self, q: np.ndarray, qd: np.ndarray, torque: Any, tip_force: Any = None
-    ) -> np.ndarray:
-        """Return qdd (dof,), with the forces of closures."""
-        if not self.spec.closures:
-            return super().acceleration(q, qd, torque, tip_force)
-        if tip_force is not None:
-            raise NotImplementedError("tip forces on mechanisms with closures")
-        return self.at(q, qd, torque).acceleration
 
     def gaps(self, q: np.ndarray) -> np.ndarray:
         """Return the gaps of all closures, (c,): zero if they are closed."""
@@ -180,18 +169,3 @@ def flat(pose: Pose) -> list[Any]:
     """Return the position and the angle of a pose as three numbers."""
     (x, y), angle = pose
     return [x.value, y.value, angle.value]
-
-
-def constrained(
-    mass: np.ndarray, force: np.ndarray, jacobian: np.ndarray, gamma: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return accelerations (dof,) and multipliers (c,), as float64."""
-    if not len(jacobian):
-        return solved(mass, force), np.zeros(0)
-    nothing = np.zeros((len(gamma), len(gamma)), dtype=mass.dtype)
-    matrix = np.block([[mass, -jacobian.T], [jacobian, nothing]])
-    # Unit diagonal of M and unit rows of J, which the solution does not depend on.
-    units = 1 / np.sqrt(np.diag(mass))
-    rows = 1 / np.linalg.norm((jacobian * units).astype(float), axis=1)
-    solution = solved(matrix, np.concatenate([force, -gamma]), np.concatenate([units, rows]))
-    return solution[: len(mass)], solution[len(mass) :]

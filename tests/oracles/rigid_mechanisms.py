@@ -209,6 +209,17 @@ def _half_tangent(a: float, b: float, c: float) -> float:
     return float(2 * np.arctan2(-b - np.sqrt(b * b - 4 * a * c), 2 * a))
 
 
+def parallelogram_energy(loops: int, speed: float = 1.0, gravity: float = 9.81) -> float:
+    """Return the energy (J) of N four-bars of rods of 1 m and 1 kg with upright cranks.
+
+    speed: of the couplers, m/s; potential energy is zero at the height of the pivots. Benchmark
+    of the library of the IFToMM Technical Committee for Multibody Dynamics (M. Gonzalez, D. Dopico,
+    U. Lugris and J. Cuadrado, Multibody System Dynamics 16 (2006) 179).
+    """
+    cranks = (loops + 1) * (speed**2 / 6 + gravity / 2)
+    return cranks + loops * (speed**2 / 2 + gravity)
+
+
 @dataclass(frozen=True)
 class CartPendulum:
     """A cart (kg) on a rail along x with a uniform rod on it; spring (N/m) and damper (N s/m) to

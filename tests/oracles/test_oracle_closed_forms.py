@@ -15,6 +15,7 @@ from .rigid_mechanisms import (
     cross,
     eksergian,
     kinetic_energy,
+    parallelogram_energy,
 )
 
 #: Rounding of a few dozen operations, relative to results of order one to a hundred.
@@ -176,6 +177,21 @@ def velocity_of(body, point):
     """Return the velocity (2,) of a point of a body."""
     x, y = np.subtract(point, body.centre)
     return body.velocity + body.rate * np.array([-y, x])
+
+
+@pytest.mark.parametrize("loops", [1, 4])
+def test_energy_of_four_bars_in_a_row(loops):
+    """Parallelograms: all cranks turn alike, and couplers do not turn."""
+    case = CLOSED["parallelograms"](loops)
+    oracle = MechanismOracle(case.spec)
+    qd = closed_rates(oracle, case.joints, -1.0)
+    alike = [-1.0, *[1.0, -1.0] * loops]
+    np.testing.assert_allclose(qd, alike, rtol=ROUNDING)
+    energy = sum(oracle.energy(case.joints, qd))
+    np.testing.assert_allclose(energy, parallelogram_energy(loops), rtol=ROUNDING)
+    # In the upright posture weight has no moment, and symmetry leaves no acceleration.
+    found = oracle.at(case.joints, qd, np.zeros(len(qd)))
+    np.testing.assert_allclose(found.acceleration, 0.0, atol=1e-13)
 
 
 @pytest.mark.parametrize("name", CLOSED)

@@ -5,6 +5,8 @@ import pytest
 import scipy.linalg
 from scipy.integrate import solve_ivp
 
+import flexarm as fa
+from arm_states import drawn
 from closed_mechanisms import CLOSED
 from flexarm.model import ArmSpec, Base, Closure, Joint, Link, Payload, RayleighDamping
 from random_mechanisms import random_mechanism, random_motion
@@ -12,7 +14,7 @@ from random_mechanisms import random_mechanism, random_motion
 from .jets import Rate
 from .joint_laws import joint_loss
 from .lagrangian import LagrangianOracle
-from .mechanisms import MechanismOracle
+from .mechanisms import MechanismOracle, oracle_of
 
 THEORIES = ("linear", "second_order")
 #: Rounding of results in float64, in which states and results are, times a few operations.
@@ -297,6 +299,85 @@ def test_station_of_a_parent_divides_it(theory):
     )
 
 
+@pytest.mark.sampled("0", "1", "2", "3")
+@pytest.mark.parametrize("seed", range(8))
+def test_forces_of_closures_are_loads_on_the_open_mechanism(seed):
+    """At any gap: the force on the second point of a line acts at the place of the first."""
+    fields = random_mechanism(seed, closures=True)
+    fields["closures"] = [
+        tie.replace(to_link=None) if tie.to_link == 0 else tie for tie in fields["closures"]
+    ]
+    oracle = MechanismOracle(ArmSpec(**fields))
+    q, qd, torque = random_motion(np.random.default_rng(seed), oracle)
+    found = oracle.at(q, qd, torque)
+    loads, remaining = [], list(found.closure_force)
+    for tie in oracle.spec.closures:
+        first, second = oracle.points_of(tie, q)
+        size = {"pin": 2, "weld": 3, "line": 1}[tie.kind]
+        force, remaining = np.array([*remaining[:size], 0.0, 0.0]), remaining[size:]
+        if tie.kind == "line":
+            force = np.append(turned(second[2] + tie.angle, (0.0, force[0])), 0.0)
+        bare = tie.replace(offset=(0.0, 0.0), to_offset=(0.0, 0.0))
+        sections = oracle.points_of(bare, q)
+        acting = [first, first if tie.kind == "line" else second]
+        for k, (link, station) in enumerate(
+            [(tie.link, tie.station), (tie.to_link, tie.to_station)]
+        ):
+            arm = acting[k] - sections[k]
+            moment = arm[0] * force[1] - arm[1] * force[0] + force[2]
+            if link is not None:
+                push = (-1.0 if k else 1.0) * np.array([*force[:2], moment])
+                loads.append(fa.Load(link=link, station=station, force=push[:2], moment=push[2]))
+    opened = MechanismOracle(oracle.spec.replace(closures=[]))
+    exact = opened.moving(q, qd, torque, loads=loads)
+    scale = np.sqrt(np.diag(found.mass))
+    error = scale * (found.acceleration - exact.acceleration)
+    # Loads are numbers in float64, and are weighted by the condition number.
+    assert np.linalg.norm(error) < 1e-9 * np.linalg.norm(scale * exact.acceleration)
+    closed = oracle.moving(q, qd, torque)
+    np.testing.assert_allclose(closed.closure_force, found.closure_force, rtol=1e-11)
+    size = abs(exact.joint_force).max()
+    np.testing.assert_allclose(closed.joint_force, exact.joint_force, rtol=0, atol=1e-9 * size)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "five_bar", "three_rrr", "cylinder_boom"])
+def test_momentum_changes_by_reactions_on_the_ground(name):
+    """The sum of the reactions of all joints on the ground and of the weight."""
+    case = CLOSED[name](gravity=(1.0, -9.0))
+    oracle = MechanismOracle(case.spec)
+    q, qd, torque = arbitrary(oracle)
+    found = oracle.moving(q, qd, torque)
+    grounded = [piece.owner for piece in oracle.pieces if piece.joint and piece.seat.piece is None]
+    weight = sum(np.sum(points.mass) for points in oracle.points) * np.array([1.0, -9.0])
+    forces = found.joint_force[grounded].sum(axis=0) + weight.astype(float)
+    rate = oracle.momentum_rate(q, qd, found.acceleration)[:2]
+    np.testing.assert_allclose(rate, forces, rtol=0, atol=1e-11 * abs(found.joint_force).max())
+
+
+@pytest.mark.parametrize("theory", THEORIES)
+def test_prescribed_crank_of_a_four_bar(theory):
+    """The torque that a prescribed acceleration requires produces it."""
+    case = CLOSED["four_bar"](theory=theory)
+    oracle = MechanismOracle(case.spec)
+    q, qd, torque = arbitrary(oracle)
+    driven = oracle.moving(q, qd, torque, given={1: 3.0})
+    assert driven.acceleration[0] == 3.0
+    free = oracle.at(q, qd, driven.torque)
+    assert_close(free.acceleration, driven.acceleration)
+    assert_close(free.closure_force, driven.closure_force)
+
+
+def test_oracle_of_an_arm_has_its_coordinates():
+    d = drawn(5, links=2, reduced=True, theory="second_order")
+    found = oracle_of(d.arm).at(d.q, d.qd, d.torque)
+    exact = d.arm.forward_dynamics(d.q, d.qd, d.torque)
+    scale = np.sqrt(np.diag(found.mass))
+    error = scale * (found.acceleration - exact)
+    assert np.linalg.norm(error) < 1e-10 * np.linalg.norm(scale * exact)
+    np.testing.assert_allclose(found.tips[-1], d.arm.tip(d.q), atol=1e-13)
+    assert found.momentum.shape == (3,)
+
+
 def turned(angle, vector):
     """Return a vector turned by an angle."""
     c, s = np.cos(angle), np.sin(angle)
@@ -393,12 +474,12 @@ def test_cooperating_arms_keep_energy_and_momentum():
 
 
 def test_random_mechanisms_have_every_option_on_and_off():
-    drawn = [random_mechanism(seed) for seed in range(80)]
-    links = [link for fields in drawn for link in fields["links"]]
-    joints = [joint for fields in drawn for joint in fields["joints"]]
-    bases = [fields.get("base") for fields in drawn]
-    assert {len(fields["links"]) for fields in drawn} == {2, 3, 4, 5, 6}
-    assert {fields["theory"] for fields in drawn} == {"linear", "second_order"}
+    mechanisms = [random_mechanism(seed) for seed in range(80)]
+    links = [link for fields in mechanisms for link in fields["links"]]
+    joints = [joint for fields in mechanisms for joint in fields["joints"]]
+    bases = [fields.get("base") for fields in mechanisms]
+    assert {len(fields["links"]) for fields in mechanisms} == {2, 3, 4, 5, 6}
+    assert {fields["theory"] for fields in mechanisms} == {"linear", "second_order"}
     places = {(link.parent, link.parent_station and link.parent_station > 0) for link in links}
     assert {(None, None), (0, None), (1, 0.0), (1, None), (1, True)} <= places
     assert {joint.kind for joint in joints} == {"revolute", "prismatic"}
@@ -409,19 +490,19 @@ def test_random_mechanisms_have_every_option_on_and_off():
     assert {link.segments for link in links} == {1, 2}
     assert {None if base is None else len(base.free) for base in bases} == {None, 1, 2, 3}
     assert {any(base.stiffness) for base in bases if base is not None} == {True, False}
-    lengths = [fields["links"][0].length for fields in drawn]
+    lengths = [fields["links"][0].length for fields in mechanisms]
     assert min(lengths) < 0.03
     assert max(lengths) > 5.0
 
 
 def test_random_closures_have_every_kind():
-    drawn = [random_mechanism(seed, closures=True)["closures"] for seed in range(12)]
-    assert {len(closures) for closures in drawn} == {1, 2}
-    kinds = {closure.kind for closures in drawn for closure in closures}
+    loops = [random_mechanism(seed, closures=True)["closures"] for seed in range(12)]
+    assert {len(closures) for closures in loops} == {1, 2}
+    kinds = {closure.kind for closures in loops for closure in closures}
     assert kinds == {"pin", "weld", "line"}
     ends = {
         (closure.to_link is None, closure.to_link == 0)
-        for closures in drawn
+        for closures in loops
         for closure in closures
     }
     assert ends == {(True, False), (False, True), (False, False)}
