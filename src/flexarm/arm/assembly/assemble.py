@@ -187,10 +187,16 @@ def _moving(base: Base) -> tuple[str, ...]:
     return tuple(name for name in ("x", "y", "angle") if name in base.free)
 
 
+def _parent(spec: ArmSpec, index: int) -> int:
+    """Return the number of the link that carries the joint of a link, 0 for the base."""
+    parent = spec.links[index].parent
+    return index if parent is None else parent
+
+
 def _stations_of_children(spec: ArmSpec) -> list[tuple[float, ...]]:
     """Return, for each link, the stations (m) below its tip that carry links or closures."""
     stations: list[set[float]] = [set() for _ in spec.links]
-    points = [(link.parent, link.parent_station) for link in spec.links]
+    points = [(_parent(spec, i), link.parent_station) for i, link in enumerate(spec.links)]
     for closure in spec.closures:
         points += [(closure.link, closure.station), (closure.to_link, closure.to_station)]
     for number, station in points:
@@ -334,8 +340,7 @@ def _place_tree(
 
     carriers = []
     for index, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
-        parent = index if link.parent is None else link.parent
-        carrier, beyond = section(parent, link.parent_station)
+        carrier, beyond = section(_parent(spec, index), link.parent_station)
         place = np.array(joint.offset, dtype=object)
         place[0] = place[0] + beyond
         carriers.append(carrier)
