@@ -139,7 +139,7 @@ def exact_instruments(arm: Arm, extra: Sequence[str] = ()) -> list[Instrument]:
 
 def _reach_of(arm: Arm) -> float:
     """Return the length (m) of the straight arm."""
-    return float(np.sum(arm.lengths))
+    return arm.reach
 
 
 def _named(item: Instrument) -> list[tuple[str, object]]:

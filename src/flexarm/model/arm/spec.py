@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
@@ -347,6 +347,30 @@ class ArmSpec(Record):
         if links and links == joints and given.has("links", "joints", "payload"):
             yield from _inertia_faults(given.links, given.joints, given.payload)
 
+    @property
+    def features(self) -> tuple[str, ...]:
+        """Features that a serial arm on a fixed base does not have, in words; empty for those."""
+        follows = all(
+            (link.parent is None or link.parent == i)
+            and (i == 0 or link.parent_station in (None, self.links[i - 1].length))
+            for i, link in enumerate(self.links)
+        )
+        placed = any(any(joint.offset) or joint.mounting_angle for joint in self.joints)
+        features = {
+            "branches": not follows,
+            "sliding joints": any(joint.kind == "prismatic" for joint in self.joints),
+            "joints with an offset or a mounting angle": placed,
+            "a free base": bool(self.base.free),
+            "closures": bool(self.closures),
+        }
+        return tuple(name for name, present in features.items() if present)
+
+    @property
+    def is_serial(self) -> bool:
+        """Whether every link follows the one before, without any of the `features`."""
+        return not self.features
+
+
 
 def place_faults(
     arm: ArmSpec, link: int, furthest: float | None, name: str = "station"
@@ -390,6 +414,22 @@ def _inertia_faults(
             yield Fault(
                 ("payload", "mass"), "be greater than 0 at the tip of a massless link", "0", hint
             )
+
+
+#: Features with which the coordinates of the joints do not determine the rigid posture.
+UNDRIVEN = ("a free base", "closures")
+
+
+def serial_only(spec: ArmSpec, what: str, unsupported: Collection[str] | None = None) -> None:
+    """Raise for an arm that is not a serial arm, in a place that supports no other ones.
+
+    Args:
+        unsupported: the features that are not supported; by default all.
+    """
+    features = [k for k in spec.features if unsupported is None or k in unsupported]
+    if features:
+        listed = " and ".join(filter(None, (", ".join(features[:-1]), features[-1])))
+        raise InputError(Problem(what, f"is not supported for arms with {listed}"))
 
 
 def varied_spec(

@@ -234,7 +234,7 @@ def _within_limits(
 def _misses(task: Task, plan: Plan, run: xr.Dataset) -> bool:
     """Return whether the tip comes to rest too far from its goal."""
     error = remaining(task, task.arm, plan, run).tip_error
-    return error > _MISSED * float(task.arm.lengths.sum())
+    return error > _MISSED * task.arm.reach
 
 
 def _not_converged(task: Task, answer: Answer) -> OptimizationError:

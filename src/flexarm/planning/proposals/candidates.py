@@ -176,7 +176,7 @@ def _places(arm: Arm, task: str, start: object, end: object) -> tuple[FloatArray
     if task == "hold" and end is not None:
         raise InputError(Problem("end", "is not supported with the task 'hold'"))
     if task in _LINE:
-        reach, count = float(np.sum(arm.lengths)), 2
+        reach, count = arm.reach, 2
         first, last = (reach * np.array(point) for point in _LINE[task])
         if arm.joints < 2:
             rule = "track requires an arm with two joints or more"
@@ -364,7 +364,7 @@ def _shaping(needs: Requirements) -> Iterator[Drive]:
 
 def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
     """Yield settings of LQG and MPC, in increasing order of lost performance."""
-    reach = float(np.sum(needs.arm.lengths))
+    reach = needs.arm.reach
     omega = _frequency(needs)
     tip, rate, noise, integral = rounded(
         [_TIP * reach, _RATE * omega, _TIP_NOISE * reach, _TIP_INTEGRAL * reach / omega], 2
