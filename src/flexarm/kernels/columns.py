@@ -99,7 +99,7 @@ SHORTENING_COLUMNS = 3
 ) = range(SHORTENING_COLUMNS)
 
 # ``Workspace.body`` (n, WORK_BODY_COLUMNS): results for each body, in its axes except WORLD_*.
-WORK_BODY_COLUMNS = 96
+WORK_BODY_COLUMNS = 97
 (
     COSINE,  # of the rotation from the previous body's axes to these
     SINE,
@@ -184,7 +184,8 @@ WORK_BODY_COLUMNS = 96
     ROOT_FROM_Y,
     JOINT_BIAS_X,  # velocity products in the acceleration of the root, m/s^2
     JOINT_BIAS_Y,
-    CARRIED_XX,  # inertia of the bodies on the tip, in the order of ``recursion.symmetric``
+    CARRIED_XX,  # inertia of the bodies on the tip, in the order of ``recursion.symmetric``;
+    # after a body is eliminated, its Y
     CARRIED_XY,
     CARRIED_YY,
     CARRIED_XW,
@@ -195,6 +196,7 @@ WORK_BODY_COLUMNS = 96
     CARRIED_KW,  # N m
     WORLD_TIP_X,  # of the tip section, world axes, m
     WORLD_TIP_Y,
+    WORLD_TIP_ANGLE,  # rad
     WORLD_TIP_X_RATE,  # m/s
     WORLD_TIP_Y_RATE,
 ) = range(WORK_BODY_COLUMNS)
@@ -208,3 +210,41 @@ WORK_MODE_COLUMNS = 4
     D1_ETA,  # D1 eta
     FX,  # first row of F: -G eta
 ) = range(WORK_MODE_COLUMNS)
+
+# ``ArmConstants.closure`` (r, CLOSURE_COLUMNS): constants of each row of closures.
+CLOSURE_COLUMNS = 5
+(
+    FIRST_X,  # m, of the first point from the axis of its section, axes of the section
+    FIRST_Y,
+    SECOND_X,  # m, of the second point; on the ground, world axes
+    SECOND_Y,
+    CLOSURE_ANGLE,  # rad, between the sections, or of the line from the second section
+) = range(CLOSURE_COLUMNS)
+
+# ``Workspace.closure`` (r, CLOSURE_WORK_COLUMNS): results for each row.
+CLOSURE_WORK_COLUMNS = 11
+(
+    GAP,  # g, m or rad
+    GAP_RATE,
+    EXTRA,  # terms of its second derivative without accelerations
+    RELATIVE,  # its second derivative without closure forces
+    MULTIPLIER,  # lambda, N or N m
+    FIRST_WRENCH,  # on the section of the first point at a multiplier of one: x, y, w, world axes
+    _,
+    _,
+    SECOND_WRENCH,  # the same for the second point
+    _,
+    _,
+) = range(CLOSURE_WORK_COLUMNS)
+
+# ``Workspace.column`` (r, n, COLUMN_COLUMNS): each row as a bias of each body, axes of the body.
+COLUMN_COLUMNS = 7
+(
+    BIAS_KX,  # k at the tip
+    BIAS_KY,
+    BIAS_KW,
+    PASSED_X,  # m, behind the modes
+    PASSED_Y,
+    PASSED_W,
+    PASSED_DRIVE,  # on the joint
+) = range(COLUMN_COLUMNS)

@@ -13,6 +13,7 @@ index         meaning
 ``g``         ``m`` with the second-order theory, else 0
 ``laws``      1 if any joint has friction, stops or a geared rotor, else 0
 ``tree``      1 if any body is not on the tip of the one before, or any joint slides, else 0
+``closures``  rows of closures: equations that close loops
 ``bristles``  1 if the last mode is the deflection of the bristles of joints, else 0
 ============  ===================================================================================
 
@@ -46,7 +47,8 @@ SEEN_COLUMNS = 11
 
 
 class Sizes(NamedTuple):
-    """Loop lengths, and the order of the bodies; the ``len`` of all fields but one is a count.
+    """Loop lengths, and the order of the bodies; the ``len`` of all fields but the last
+    two is a count.
 
     With tuples the counts are part of the type: the compiler sees constants, and compiles once for
     every model size. With arrays they are run-time values: one compilation serves every size.
@@ -59,9 +61,12 @@ class Sizes(NamedTuple):
     joint_laws: Any
     bristles: Any
     tree: Any
+    closures: Any
     #: (n, 2) integers, always at run time: index of the body that carries body i, or -1; 1 if its
     #: joint slides, else 0
     joints: Array
+    #: (r, 3) integers, always at run time: kind of the row, and the bodies of its points, or -1
+    ends: Array
 
 
 class Columns:
@@ -86,6 +91,8 @@ class _ArmArrays(NamedTuple):
     mode: Array  # (n, m, MODE_COLUMNS)
     centrifugal: Array  # (n, c, c) -R, theory page equation (L.19)
     shortening: Array  # (n, g, g, SHORTENING_COLUMNS)
+    closure: Array  # (r, CLOSURE_COLUMNS)
+    ends: Array  # (r, 3) as ``Sizes.ends``
 
 
 class ArmConstants(_ArmArrays):
@@ -155,7 +162,7 @@ class ArmConstants(_ArmArrays):
         return bool(self.arm[columns.HAS_BRISTLES] != 0.0)
 
 
-def empty_constants(n: int, m: int, c: int, g: int) -> ArmConstants:
+def empty_constants(n: int, m: int, c: int, g: int, r: int = 0) -> ArmConstants:
     """Allocate the constants of a serial arm, otherwise filled with zeros."""
     constants = ArmConstants(
         arm=np.zeros(columns.ARM_COLUMNS),
@@ -163,6 +170,8 @@ def empty_constants(n: int, m: int, c: int, g: int) -> ArmConstants:
         mode=np.zeros((n, m, columns.MODE_COLUMNS)),
         centrifugal=np.zeros((n, c, c)),
         shortening=np.zeros((n, g, g, columns.SHORTENING_COLUMNS)),
+        closure=np.zeros((r, columns.CLOSURE_COLUMNS)),
+        ends=np.zeros((r, 3)),
     )
     constants.parent[:] = np.arange(n) - 1
     return constants
@@ -213,6 +222,9 @@ class _WorkArrays(NamedTuple):
     force: Array  # (n, 1 + m) generalised forces (inverse dynamics)
     body: Array  # (n, WORK_BODY_COLUMNS)
     mode: Array  # (n, m, WORK_MODE_COLUMNS)
+    closure: Array  # (r, CLOSURE_WORK_COLUMNS)
+    column: Array  # (r, n, COLUMN_COLUMNS)
+    reaction: Array  # (r, r) J M^-1 J', then its factors
 
 
 class Workspace(_WorkArrays):
@@ -227,11 +239,15 @@ class Workspace(_WorkArrays):
 def new_workspace(constants: ArmConstants, dtype: Any = np.float64) -> Workspace:
     """Allocate scratch for an arm and a number type (``complex``, ``object``, ...)."""
     n, m = constants.mode.shape[:2]
+    r = len(constants.closure)
     return Workspace(
         acceleration=np.zeros((n, 1 + m), dtype=dtype),
         force=np.zeros((n, 1 + m), dtype=dtype),
         body=np.zeros((n, columns.WORK_BODY_COLUMNS), dtype=dtype),
         mode=np.zeros((n, m, columns.WORK_MODE_COLUMNS), dtype=dtype),
+        closure=np.zeros((r, columns.CLOSURE_WORK_COLUMNS), dtype=dtype),
+        column=np.zeros((r, n, columns.COLUMN_COLUMNS), dtype=dtype),
+        reaction=np.zeros((r, r), dtype=dtype),
     )
 
 
@@ -273,24 +289,22 @@ def empty_contacts(constants: ArmConstants, count: int, pieces: int) -> Contacts
 def run_time_sizes(constants: ArmConstants) -> Sizes:
     """Return sizes for code that is compiled once for all arms."""
     counts = _counts(constants)
-    return Sizes(*(np.zeros(count, dtype=np.int8) for count in counts), _joints(constants))
+    return Sizes(*(np.zeros(count, dtype=np.int8) for count in counts), *_structure(constants))
 
 
 def compile_time_sizes(constants: ArmConstants) -> Sizes:
     """Return sizes for faster code that is compiled for this model size alone."""
-    return Sizes(*((0,) * count for count in _counts(constants)), _joints(constants))
+    return Sizes(*((0,) * count for count in _counts(constants)), *_structure(constants))
 
 
 def _counts(constants: ArmConstants) -> tuple[int, ...]:
     n, m = constants.mode.shape[:2]
     c, g = constants.centrifugal.shape[1], constants.shortening.shape[1]
     laws, bristles = int(constants.has_joint_laws), int(constants.has_bristles)
-    return n, m, c, g, laws, bristles, int(constants.is_tree)
+    return n, m, c, g, laws, bristles, int(constants.is_tree), len(constants.closure)
 
 
-def _joints(constants: ArmConstants) -> Array:
-    """Return the array ``Sizes.joints``."""
-    order = [constants.parent, constants.slides]
-    return np.array(
-        [[int(number.real) for number in column] for column in order], np.int16
-    ).T.copy()
+def _structure(constants: ArmConstants) -> tuple[Array, Array]:
+    """Return the arrays ``Sizes.joints`` and ``Sizes.ends``."""
+    joints = np.stack([constants.parent, constants.slides], axis=1)
+    return joints.real.astype(np.int16), constants.ends.real.astype(np.int16)

@@ -20,7 +20,11 @@ from flexarm.arm.beams.properties import interpolation_error
 from flexarm.base.errors import InputError
 from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS, IS_TREE
 from flexarm.kernels.layout import ArmConstants, empty_constants
+from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_LINE, ROW_X, ROW_Y
 from flexarm.model import ArmSpec, Base, Joint, Link, RayleighDamping
+
+#: Equations of each kind of closure.
+_ROWS = {"pin": 2, "weld": 3, "line": 1}
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -183,13 +187,21 @@ def _moving(base: Base) -> tuple[str, ...]:
     return tuple(name for name in ("x", "y", "angle") if name in base.free)
 
 
+def _parent(spec: ArmSpec, index: int) -> int:
+    """Return the number of the link that carries the joint of a link, 0 for the base."""
+    parent = spec.links[index].parent
+    return index if parent is None else parent
+
+
 def _stations_of_children(spec: ArmSpec) -> list[tuple[float, ...]]:
-    """Return, for each link, the stations (m) below its tip that carry other links."""
+    """Return, for each link, the stations (m) below its tip that carry links or closures."""
     stations: list[set[float]] = [set() for _ in spec.links]
-    for link in spec.links:
-        station, parent = link.parent_station, (link.parent or 0) - 1
-        if parent >= 0 and station is not None and station < spec.links[parent].length:
-            stations[parent].add(station)
+    points = [(_parent(spec, i), link.parent_station) for i, link in enumerate(spec.links)]
+    for closure in spec.closures:
+        points += [(closure.link, closure.station), (closure.to_link, closure.to_station)]
+    for number, station in points:
+        if number and station is not None and station < spec.links[number - 1].length:
+            stations[number - 1].add(station)
     return [tuple(sorted(places)) for places in stations]
 
 
@@ -260,7 +272,8 @@ def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
     second_order = spec.theory == "second_order"
     g = m if second_order else 0
     c = m if bristles or any(np.any(piece.shapes.rotary) for piece in pieces) else 0
-    constants = empty_constants(n, m, c, g)
+    rows = sum(_ROWS[closure.kind] for closure in spec.closures)
+    constants = empty_constants(n, m, c, g, rows)
     constants.arm[HAS_JOINT_LAWS] = float(
         any(joint.friction or joint.limits or joint.rotor_inertia for joint in spec.joints)
     )
@@ -314,18 +327,22 @@ def _place_tree(
     bodies: list[list[Piece]] = [[] for _ in spec.links]
     for piece in pieces:
         bodies[piece.link].append(piece)
+
+    def section(number: int, station: float | None) -> tuple[int, float]:
+        """Return the body on whose tip a point of a link lies, and how far beyond it (m)."""
+        if number == 0:
+            return base, 0.0
+        link, own = spec.links[number - 1], bodies[number - 1]
+        if station is None or station >= link.length:
+            return own[-1].body, 0.0
+        before = [p for p in own if p.start < station * (1.0 - 1e-9)]
+        return (before[-1].body, 0.0) if before else (own[0].body - 1, link.hub_radius)
+
     carriers = []
     for index, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
-        parent = index if link.parent is None else link.parent
-        station = link.parent_station
-        carrier, place = base, np.array(joint.offset, dtype=object)
-        if parent > 0:
-            own = bodies[parent - 1]
-            carrier = own[-1].body
-            if station is not None and station < spec.links[parent - 1].length:
-                before = [p for p in own if p.start < station * (1.0 - 1e-9)]
-                carrier = before[-1].body if before else own[0].body - 1
-                place[0] = place[0] + (0.0 if before else spec.links[parent - 1].hub_radius)
+        carrier, beyond = section(_parent(spec, index), link.parent_station)
+        place = np.array(joint.offset, dtype=object)
+        place[0] = place[0] + beyond
         carriers.append(carrier)
         root = bodies[index][0].body - (0.0 in carried[index])
         if 0.0 in carried[index]:
@@ -334,8 +351,21 @@ def _place_tree(
         constants.parent[first] = carrier
         constants.joint_angle[first] = joint.mounting_angle
         _place_joint(constants, slice(first, first + 1 + joint.elastic), first, joint, place)
+    row = 0
+    for closure in spec.closures:
+        first, beyond = section(closure.link, closure.station)
+        points = [closure.offset[0] + beyond, closure.offset[1], *closure.to_offset]
+        second = -1
+        if closure.to_link is not None:
+            second, beyond = section(closure.to_link, closure.to_station)
+            points[2] += beyond
+        kinds = {"pin": (ROW_X, ROW_Y), "weld": (ROW_X, ROW_Y, ROW_ANGLE), "line": (ROW_LINE,)}
+        for kind in kinds[closure.kind]:
+            constants.ends[row] = kind, first, second
+            constants.closure[row] = *points, closure.angle
+            row += 1
     serial = np.arange(constants.mass.size) - 1.0
-    moves = constants.slides.any() or constants.place.any()
+    moves = constants.slides.any() or constants.place.any() or row > 0
     constants.arm[IS_TREE] = float(bool(moves or np.any(constants.parent != serial)))
     return carriers
 

@@ -30,17 +30,21 @@ import numpy as np
 from flexarm.kernels.columns import (
     COSINE,
     FX,
+    JOINT_ANGLE,
     RATE,
     ROOT_FROM_X,
     ROOT_FROM_Y,
     SINE,
     SLIDE_X,
     SLIDE_Y,
+    SLIDES,
     TIP_RATE,
+    TIP_SLOPE,
     TIP_X,
     TIP_Y,
     WORLD_COSINE,
     WORLD_SINE,
+    WORLD_TIP_ANGLE,
     WORLD_TIP_X,
     WORLD_TIP_X_RATE,
     WORLD_TIP_Y,
@@ -216,6 +220,7 @@ def place_bodies(sizes: Sizes, constants: ArmConstants, state: Array, work: Work
         y_dot = y_dot + sine * vx + cosine * vy
         if len(sizes.tree) > 0:
             work.body[i, WORLD_TIP_X], work.body[i, WORLD_TIP_Y] = x, y
+            work.body[i, WORLD_TIP_ANGLE] = _section_angle(sizes, constants, i, state, work)
             work.body[i, WORLD_TIP_X_RATE], work.body[i, WORLD_TIP_Y_RATE] = x_dot, y_dot
 
 
@@ -227,6 +232,19 @@ def world_section(sizes: Sizes, i: int, work: Workspace) -> Any:
     if carrier >= 0:
         cosine, sine = work.body[carrier, WORLD_COSINE], work.body[carrier, WORLD_SINE]
     return cosine, sine
+
+
+@merged
+def _section_angle(
+    sizes: Sizes, constants: ArmConstants, i: int, state: Array, work: Workspace
+) -> Any:
+    """Return the absolute angle of the tip section of body i of a tree."""
+    angle = 0.0
+    carrier = sizes.joints[i, 0]
+    if carrier >= 0:
+        angle = work.body[carrier, WORLD_TIP_ANGLE]
+    turned = state[0, i, 0] * (1.0 - constants.body[i, SLIDES])
+    return angle + constants.body[i, JOINT_ANGLE] + turned + work.body[i, TIP_SLOPE]
 
 
 @merged

@@ -335,6 +335,8 @@ def inward(
             y = work.body[i, ROOT_FROM_Y]
             R = shifted(R, x, y)
             kw = kw + x * ry - y * rx
+        if len(sizes.closures) > 0:
+            write_symmetric(work.body, i, CARRIED_XX, Y)
         cosine, sine = work.body[i, COSINE], work.body[i, SINE]
         Wxx, Wxy, Wyy, Wxw, Wyw, Www = turned(R, cosine, sine)
         kx = cosine * rx - sine * ry

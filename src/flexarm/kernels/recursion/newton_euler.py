@@ -8,10 +8,12 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm.kernels.compilation.cache import compiled, merged
+from flexarm.kernels.forces.contact import place_bodies
 from flexarm.kernels.forces.external import apply_loads
 from flexarm.kernels.forces.joint_law import passive_torque, rotor_moment
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.recursion.closures import closure_rows, closure_wrench
 from flexarm.kernels.recursion.outward import carrier_acceleration
 
 # isort: off
@@ -39,11 +41,15 @@ def inverse_dynamics(
     """Write generalised forces (n, 1 + m) into ``work.force`` and reactions into WRENCH columns.
 
     ``acceleration`` (n, 1 + m). The force is M qdd + bias, including stiffness, damping and
-    gravity. The wrench (n, 3) is that of the joint on its body, at the joint, in the body's axes.
+    gravity, less the forces of closures for the multipliers in ``work.closure``. The wrench (n, 3)
+    is that of the joint on its body, at the joint, in the body's axes.
     """
     link_terms(sizes, constants, state, work)
     apply_loads(sizes, constants, loads, state, work)
     _accelerations(sizes, constants, acceleration, loads, work)
+    if len(sizes.closures) > 0:
+        place_bodies(sizes, constants, state, work)
+        closure_rows(sizes, constants, work)
     _wrenches(sizes, constants, state, acceleration, work)
 
 
@@ -53,12 +59,14 @@ def _accelerations(
 ) -> None:
     """Compute, outwards, accelerations of each body's root and tip, in the body's axes."""
     c = constants
-    Ax = loads.base_acceleration[0] - c.arm[GRAVITY_X]
-    Ay = loads.base_acceleration[1] - c.arm[GRAVITY_Y]
+    ground_x = loads.base_acceleration[0] - c.arm[GRAVITY_X]
+    ground_y = loads.base_acceleration[1] - c.arm[GRAVITY_Y]
+    Ax = ground_x
+    Ay = ground_y
     Aw = 0.0
     for i in range(len(sizes.bodies)):
         if len(sizes.tree) > 0:
-            Ax, Ay, Aw = carrier_acceleration(sizes, c, i, loads, work)
+            Ax, Ay, Aw = carrier_acceleration(sizes, i, ground_x, ground_y, work)
         cosine = work.body[i, COSINE]
         sine = work.body[i, SINE]
         turned = cosine * Ax + sine * Ay
@@ -175,6 +183,11 @@ def _wrenches(
         kx = kx + c.body[i, TIP_MASS] * work.body[i, TIP_ACCELERATION_X]
         ky = ky + c.body[i, TIP_MASS] * work.body[i, TIP_ACCELERATION_Y]
         kw = kw + c.body[i, TIP_INERTIA] * work.body[i, TIP_ACCELERATION_W]
+        for row in range(len(sizes.closures)):
+            fx, fy, fw = closure_wrench(sizes, row, i, work)
+            kx = kx - fx
+            ky = ky - fy
+            kw = kw - fw
         rx, ry, rw = body_wrench(sizes, c, i, acceleration, kx, ky, kw, work)
         passive = passive_torque(sizes, c, i, state, work)
         relative = acceleration[i, 0]

@@ -26,13 +26,11 @@ from flexarm.kernels.columns import (
 
 @merged
 def carrier_acceleration(
-    sizes: Sizes, constants: ArmConstants, i: int, loads: Loads, work: Workspace
+    sizes: Sizes, i: int, ground_x: Any, ground_y: Any, work: Workspace
 ) -> Any:
     """Return the acceleration minus gravity of the section that carries body i, in the axes of its
     body; of the ground in world axes."""
-    Ax = loads.base_acceleration[0] - constants.arm[GRAVITY_X]
-    Ay = loads.base_acceleration[1] - constants.arm[GRAVITY_Y]
-    Aw = 0.0
+    Ax, Ay, Aw = ground_x, ground_y, 0.0
     carrier = sizes.joints[i, 0]
     if carrier >= 0:
         Ax = work.body[carrier, TIP_ACCELERATION_X]
@@ -44,13 +42,23 @@ def carrier_acceleration(
 @merged
 def outward(sizes: Sizes, constants: ArmConstants, loads: Loads, work: Workspace) -> None:
     """Compute the accelerations outwards; gravity is included as a base acceleration."""
+    ground_x = loads.base_acceleration[0] - constants.arm[GRAVITY_X]
+    ground_y = loads.base_acceleration[1] - constants.arm[GRAVITY_Y]
+    spread(sizes, constants, ground_x, ground_y, work)
+
+
+@merged
+def spread(
+    sizes: Sizes, constants: ArmConstants, ground_x: Any, ground_y: Any, work: Workspace
+) -> None:
+    """Compute the accelerations outwards from that of the ground minus gravity, m/s^2."""
     c = constants
-    Ax = loads.base_acceleration[0] - c.arm[GRAVITY_X]
-    Ay = loads.base_acceleration[1] - c.arm[GRAVITY_Y]
+    Ax = ground_x
+    Ay = ground_y
     Aw = 0.0
     for i in range(len(sizes.bodies)):
         if len(sizes.tree) > 0:
-            Ax, Ay, Aw = carrier_acceleration(sizes, c, i, loads, work)
+            Ax, Ay, Aw = carrier_acceleration(sizes, i, ground_x, ground_y, work)
         cosine = work.body[i, COSINE]
         sine = work.body[i, SINE]
         turned = cosine * Ax + sine * Ay
