@@ -44,8 +44,13 @@ def joint_roots(arm: Coordinates) -> NDArray[np.intp]:
 
     They are the first bodies of the links, or the massless bodies at roots that carry other links.
     """
-    carrying = {link.parent for link in arm.spec.links if link.parent_station == 0.0}
-    return arm.assembly.link_body - np.array([i + 1 in carrying for i in range(arm.links)])
+    carrying = {
+        i if link.parent is None else link.parent
+        for i, link in enumerate(arm.spec.links)
+        if link.parent_station == 0.0
+    }
+    shifts = [int(i + 1 in carrying) for i in range(arm.links)]
+    return arm.assembly.link_body - np.array(shifts, dtype=np.intp)
 
 
 def turning_joints(arm: Coordinates) -> NDArray[np.bool_]:
