@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, Piece
+from flexarm.arm.assembly.coordinates import station_of
 from flexarm.base.errors import LargeDeflectionWarning, warn_caller
 
 #: Error of a link relative to its length above which a state is reported: 10 % deflection of a link
@@ -124,16 +125,13 @@ def _paths(arm: Arm) -> list[tuple[list[int], list[float]]]:
     A rotated link also displaces everything beyond its tip.
     """
     spec = arm.spec
-    parents = [i - 1 if k.parent is None else k.parent - 1 for i, k in enumerate(spec.links)]
     paths = []
-    for end in sorted(set(range(arm.links)) - set(parents)):
+    for end in sorted(set(range(arm.links)) - set(spec.parents)):
         path, beyond, there = [end], [0.0], 0.0
-        while (carrier := parents[path[0]]) >= 0:
-            link, station = spec.links[path[0]], spec.links[path[0]].parent_station
-            there += float(np.hypot(*spec.joints[path[0]].offset)) + link.reach
-            inner = 0.0 if station is None else spec.links[carrier].length - station
-            path, beyond = [carrier, *path], [max(there - inner, 0.0), *beyond]
-            there -= inner
+        while (carrier := spec.parents[path[0]]) >= 0:
+            there += float(np.hypot(*spec.joints[path[0]].offset)) + spec.links[path[0]].reach
+            there -= spec.links[carrier].length - station_of(spec, path[0])
+            path, beyond = [carrier, *path], [max(there, 0.0), *beyond]
         paths.append((path, beyond))
     return paths
 

@@ -39,17 +39,20 @@ def carriers_of(arm: Coordinates) -> list[int]:
     return [int(parent) for parent in arm.assembly.constants.parent]
 
 
+def station_of(spec: ArmSpec, link: int) -> float:
+    """Return the distance (m) of the joint of a link from the root of the link that carries it."""
+    length, station = spec.links[spec.parents[link]].length, spec.links[link].parent_station
+    return length if station is None else min(station, length)
+
+
 def joint_roots(arm: Coordinates) -> NDArray[np.intp]:
     """Return the bodies on which the joints act, (links,).
 
     They are the first bodies of the links, or the massless bodies at roots that carry other links.
     """
-    carrying = {
-        i if link.parent is None else link.parent
-        for i, link in enumerate(arm.spec.links)
-        if link.parent_station == 0.0
-    }
-    shifts = [int(i + 1 in carrying) for i in range(arm.links)]
+    links = zip(arm.spec.parents, arm.spec.links, strict=True)
+    carrying = {parent for parent, link in links if link.parent_station == 0.0}
+    shifts = [int(i in carrying) for i in range(arm.links)]
     return arm.assembly.link_body - np.array(shifts, dtype=np.intp)
 
 
@@ -129,12 +132,10 @@ class Coordinates:
             return float(np.sum(self.lengths))
         ends: list[float] = []
         for i, (link, joint) in enumerate(zip(self.spec.links, self.spec.joints, strict=True)):
-            parent = i if link.parent is None else link.parent
-            start = 0.0
-            if parent > 0:
-                carrier, station = self.spec.links[parent - 1], link.parent_station
-                start = ends[parent - 1]
-                start -= 0.0 if station is None else max(carrier.length - station, 0.0)
+            parent, start = self.spec.parents[i], 0.0
+            if parent >= 0:
+                start = ends[parent] - self.spec.links[parent].length
+                start += station_of(self.spec, i)
             ends.append(start + float(np.hypot(*joint.offset)) + link.reach)
         return max(ends)
 

@@ -35,6 +35,7 @@ from flexarm.control.laws.task_controller import HybridForce, Impedance
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
 from flexarm.model import Scenario
+from flexarm.model.arm.spec import serial_only
 from flexarm.model.checks import checked_arguments
 from flexarm.motion import inverse_kinematics
 
@@ -119,6 +120,7 @@ def requirements_of(
     computing = check_choice("computing", computing, COMPUTING)
     if not arm.joints:
         raise InputError(Problem("arm", "must have a joint that is not fixed"))
+    serial_only(arm.spec, "design")
     if task == "force" and arm.joints < 2:
         rule = "force is not supported for an arm with one joint"
         raise InputError(Problem("task", rule, hint="It cannot move along a surface."))
