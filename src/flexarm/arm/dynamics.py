@@ -205,6 +205,13 @@ class Dynamics(Coordinates):
         """Number of equations that close loops: 2 for a pin, 3 for a weld, 1 for a line."""
         return len(self.assembly.constants.closure)
 
+    @property
+    def closure_numbers(self) -> list[int]:
+        """Number of the closure of each row, (closure_rows,), as given in ``closures``."""
+        rows = {"pin": 2, "weld": 3, "line": 1}
+        closures = enumerate(self.spec.closures, start=1)
+        return [number for number, closure in closures for _ in range(rows[closure.kind])]
+
     @public_call
     def closure_gaps(self, q: ArrayLike) -> FloatArray:
         """Return how far the loops are from closed, (closure_rows,): 0 in a closed posture.

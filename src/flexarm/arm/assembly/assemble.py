@@ -18,7 +18,7 @@ from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_co
 from flexarm.arm.beams.invariants import inverse_inertia
 from flexarm.arm.beams.properties import interpolation_error
 from flexarm.base.errors import InputError
-from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS, IS_TREE
+from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS, IS_FREE, IS_TREE
 from flexarm.kernels.layout import ArmConstants, empty_constants
 from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_LINE, ROW_X, ROW_Y
 from flexarm.model import ArmSpec, Base, Joint, Link, RayleighDamping
@@ -362,6 +362,9 @@ def _place_tree(
             constants.ends[row] = kind, first, second
             constants.closure[row] = *closure.offset, *closure.to_offset, closure.angle
             row += 1
+    held = any((*spec.base.stiffness, *spec.base.damping, *spec.gravity))
+    held = held or any(closure.to_link is None for closure in spec.closures)
+    constants.arm[IS_FREE] = float(len(spec.base.free) == 3 and not held)
     serial = np.arange(constants.mass.size) - 1.0
     moves = constants.slides.any() or constants.place.any() or row > 0
     constants.arm[IS_TREE] = float(bool(moves or np.any(constants.parent != serial)))

@@ -30,8 +30,8 @@ from flexarm.base.errors import (
 from flexarm.base.notebook import html_table
 from flexarm.kernels.derivatives.tangent import inverse_jacobian
 from flexarm.linear.statics.axial import geometric_stiffness, warn_of_theory
-from flexarm.model.arm.spec import serial_only
 from flexarm.model import Contact, Load
+from flexarm.model.arm.spec import serial_only
 
 
 class Tangent(NamedTuple):

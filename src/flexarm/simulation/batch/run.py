@@ -358,7 +358,11 @@ def simulate_batch(
     shared = Situation(arm=first, duration=duration, settings=checked, **options)
     own.check_events(shared.events)
     check_samples(reduced, float(shared.times[-1]))
-    starts = None if own.initial is None else own.initial[..., first.joint_index[turning_joints(first)]].ravel()
+    starts = (
+        None
+        if own.initial is None
+        else own.initial[..., first.joint_index[turning_joints(first)]].ravel()
+    )
     warn_of(implausible_run(first, shared.duration, checked.rate, starts))
     if model is not None and model.joints != first.joints:
         rule = f"have the number of joints of the arm ({model.joints})"

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 BY_CONTACTS = {"contact_force", "contact_gap", "contact_energy"}
 BY_FORCES = BY_CONTACTS | {
     *("joint_force", "joint_moment", "axial_force", "shear_force", "bending_moment"),
+    "closure_force",
 }
 
 
@@ -55,9 +56,11 @@ def _channels_of_span(
         found = channels_of(run.arm, states, names) | bristle_channel(run.arm, states)
         return found | {"torque": given}
     channels = channels_of(run.arm, states) | bristle_channel(run.arm, states)
-    motor, force, moment, inside = run.reactions(times, channels["link_angle"], given)
+    motor, force, moment, inside, closing = run.reactions(times, channels["link_angle"], given)
     channels |= {"torque": motor, "joint_force": force, "joint_moment": moment}
     channels |= section_channels(inside)
+    if run.arm.closure_rows:
+        channels["closure_force"] = closing
     return channels | contact_channels(run.arm, run.loads.placed.contacts, states)
 
 
@@ -123,7 +126,7 @@ def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> _Labe
     shapes = {name: array.shape for name, array in values.items()}
     numbers = tuple(arm.joint_numbers.tolist())
     names = (*_coordinate_names(arm), *turning_joints(arm).tolist())
-    key = (names, numbers, arm.links, _gauge_names(arm), *shapes.items())
+    key = (names, numbers, arm.links, _gauge_names(arm), _closure_names(arm), *shapes.items())
     labels = _kept_labels.get(key)
     if labels is None or not np.array_equal(labels.times, times):
         times = times.copy()
@@ -241,6 +244,9 @@ def coordinates_of(
     if arm.assembly.base:
         meaning = "coordinate of the base"
         coordinates["direction"] = ("direction", ["x", "y", "angle"], {"long_name": meaning})
+    if arm.closure_rows:
+        meaning = "closure, counted as given, and direction of its force"
+        coordinates["closure"] = ("closure", list(_closure_names(arm)), {"long_name": meaning})
     if arm.gauges:
         coordinates["gauge"] = ("gauge", list(_gauge_names(arm)), {"long_name": "strain gauge"})
     if stations:
@@ -267,6 +273,13 @@ def _coordinate_names(arm: Arm) -> tuple[str, ...]:
         for mode, place in enumerate(range(arm.dof)[piece.modal], start=1):
             names[place] = f"{label}_mode_{mode}"
     return tuple(names)
+
+
+def _closure_names(arm: Arm) -> tuple[str, ...]:
+    """Return a name for each row of the closures."""
+    parts = {"pin": ("x", "y"), "weld": ("x", "y", "moment"), "line": ("normal",)}
+    closures = enumerate(arm.spec.closures, start=1)
+    return tuple(f"{k} {part}" for k, closure in closures for part in parts[closure.kind])
 
 
 def _gauge_names(arm: Arm) -> tuple[str, ...]:
