@@ -50,7 +50,7 @@ class Piece:
 def cut(spec: ArmSpec) -> list[Piece]:
     """Return all pieces of an arm; each follows the one that carries it.
 
-    A link is divided into its segments, and where a joint of another link sits on it.
+    A link is divided into its segments, and where the joint of another link or a closure is.
     """
     pieces: list[Piece] = []
     for owner, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
@@ -92,9 +92,11 @@ def divisions(spec: ArmSpec, owner: int) -> list[float]:
     link = spec.links[owner]
     count = link.segments if link.flexible else 1
     ends = [link.length * k / count for k in range(count + 1)]
-    for other, child in enumerate(spec.links):
-        station = child.parent_station
-        if station is None or parent_of(spec, other) != owner:
+    points = [(parent_of(spec, i) + 1, child.parent_station) for i, child in enumerate(spec.links)]
+    for closure in spec.closures:
+        points += [(closure.link, closure.station), (closure.to_link, closure.to_station)]
+    for number, station in points:
+        if station is None or number != owner + 1:
             continue
         if min(abs(station - end) for end in ends) > SAME * link.length:
             ends = sorted([*ends, station])

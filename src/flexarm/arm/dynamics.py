@@ -16,8 +16,10 @@ from flexarm.arm.assembly.assemble import FloatArray, assemble
 from flexarm.arm.assembly.coordinates import Coordinates
 from flexarm.arm.assembly.kernel_view import KernelView, Pool, Scratch, is_finite, is_plain
 from flexarm.base.errors import check_array, check_result, public_call
-from flexarm.kernels.derivatives.sensitivity import forward_jacobian, potential_hessian
+from flexarm.kernels.columns import GAP, MULTIPLIER
+from flexarm.kernels.derivatives.sensitivity import STEP, forward_jacobian, potential_hessian
 from flexarm.kernels.layout import Loads, no_loads
+from flexarm.kernels.recursion.closures import closure_gaps
 from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
 from flexarm.model import ArmSpec, Contact, Load
@@ -194,6 +196,62 @@ class Dynamics(Coordinates):
         world = np.stack([cosine * x - sine * y, sine * x + cosine * y, moment], axis=1)
         self._inverse.append(scratch)
         return np.asarray(world[self.assembly.link_body])
+
+    @property
+    def closure_rows(self) -> int:
+        """Number of equations that close loops: 2 for a pin, 3 for a weld, 1 for a line."""
+        return len(self.assembly.constants.closure)
+
+    @public_call
+    def closure_gaps(self, q: ArrayLike) -> FloatArray:
+        """Return how far the loops are from closed, (closure_rows,): 0 in a closed posture.
+
+        In the order of ``closures``: of a pin x and y of the first point from the second (m, world
+        axes), of a weld also the angle (rad), of a line the distance from it (m).
+        """
+        kernels = KernelView(self.assembly.constants)
+        kernels.call(closure_gaps, self._state(q, None), kernels.work)
+        return kernels.work.closure[:, GAP].copy()
+
+    @public_call
+    def closure_jacobian(self, q: ArrayLike) -> FloatArray:
+        """Return the derivatives (closure_rows, dof) of ``closure_gaps``, exact to rounding."""
+        state = self._state(q, None).astype(complex)
+        kernels = KernelView(self.assembly.constants, complex)
+        columns = np.zeros((self.closure_rows, self.dof))
+        flat = state[0].reshape(-1)
+        for k, place in enumerate(self.assembly.coordinates):
+            flat[place] += 1j * STEP
+            kernels.call(closure_gaps, state, kernels.work)
+            flat[place] -= 1j * STEP
+            columns[:, k] = kernels.work.closure[:, GAP].imag / STEP
+        return columns
+
+    @public_call
+    def closure_forces(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        torque: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        loads: Sequence[Load] = (),
+        base_acceleration: ArrayLike | None = None,
+        contacts: Sequence[Contact] = (),
+    ) -> FloatArray:
+        """Return the forces of the closures on their first points, (closure_rows,), N and N m.
+
+        In the order of ``closure_gaps``, under the accelerations of ``forward_dynamics``, whose
+        arguments these are. The opposite forces act on the second points.
+
+        Theory page "mechanisms", (M.10) to (M.16).
+        """
+        scratch = self._forward.take()
+        self._place(scratch, q, qd, "torque", torque, self._torques)
+        placed = self._outside(tip_force, loads, base_acceleration, contacts)
+        scratch.forward_dynamics(scratch.state, scratch.third, placed)
+        forces = check_result(scratch.work.closure[:, MULTIPLIER].copy(), q, qd, torque)
+        self._forward.append(scratch)
+        return forces
 
     @public_call
     def mass_matrix(self, q: ArrayLike) -> FloatArray:

@@ -26,7 +26,7 @@ _CHUNK = 4096
 class Observed(NamedTuple):
     """Quantities of states from which the channels follow."""
 
-    poses: FloatArray  # (samples, n, 10)
+    poses: FloatArray  # (samples, n, 16)
     tips: FloatArray  # (samples, 6)
     energy: FloatArray  # (samples, 3)
     strains: FloatArray | None  # (samples, gauges)
@@ -48,7 +48,7 @@ def tips_of(arm: Arm, states: FloatArray) -> FloatArray:
 
 
 def poses_of(arm: Arm, states: FloatArray) -> FloatArray:
-    """Return the poses of all bodies (samples, n, 10), see ``kernels.observation.observables``."""
+    """Return the poses of all bodies (samples, n, 16), see ``kernels.observation.observables``."""
     return _observed(arm, states, energies=False)[0]
 
 
@@ -98,7 +98,7 @@ def bristle_channel(arm: Arm, states: FloatArray) -> dict[str, FloatArray]:
 def _observed(
     arm: Arm, states: FloatArray, energies: bool = True
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return poses (samples, n, 10), tips (samples, 6) and energies (samples, 3).
+    """Return poses (samples, n, 16), tips (samples, 6) and energies (samples, 3).
 
     Without ``energies``, they are zero.
     """

@@ -150,7 +150,8 @@ class Integrator(ABC):
     Class attributes: ``name`` in the registry; ``order``; ``adaptive``; ``follows_contacts``, False
     for a multistep method, which requires smooth motion between stops; ``follows_bristles``,
     whether it has step control and supports friction with bristles; ``follows_sticking``, whether
-    it changes the equations where a joint starts to stick or to slip; and ``reference``, the BibTeX
+    it changes the equations where a joint starts to stick or to slip; ``follows_closures``, whether
+    it keeps the loops of a mechanism closed; and ``reference``, the BibTeX
     keys of the method (``flexarm.citation``).
 
     Args:
@@ -167,6 +168,7 @@ class Integrator(ABC):
     follows_contacts: ClassVar[bool] = True
     follows_bristles: ClassVar[bool] = False
     follows_sticking: ClassVar[bool] = False
+    follows_closures: ClassVar[bool] = False
     reference: ClassVar[tuple[str, ...]] = ()
     stepper: ClassVar[Callable[..., int]]
 

@@ -13,7 +13,7 @@ from flexarm.integrate.memory import IMPACTS, Memory
 from flexarm.integrate.switching import begin_pushing, pushes, step_to_change
 from flexarm.kernels.columns import (
     FREE,
-    JOINT_UW,
+    JOINT_INERTIA,
     LOWER_PUSHES,
     LOWER_STOP,
     STOP_DAMPING,
@@ -38,7 +38,7 @@ def _stiffness(system: System, i: int) -> float:
 @merged
 def _time(system: System, i: int, stiffness: float) -> float:
     """Return the time (s) in which the stops of the joint of body i reverse it."""
-    inertia = max(real(system.work.body[i, JOINT_UW]), 0.0)
+    inertia = max(real(system.work.body[i, JOINT_INERTIA]), 0.0)
     return math.sqrt(inertia / stiffness)
 
 

@@ -39,7 +39,7 @@ from flexarm.integrate.status import (
     PRESSED_THROUGH,
     STEP_UNDERFLOW,
 )
-from flexarm.kernels.columns import FREE, JOINT_UW
+from flexarm.kernels.columns import FREE, JOINT_INERTIA
 from flexarm.kernels.compilation.cache import apart, inner, merged
 from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import Array, Contacts, Sizes
@@ -195,7 +195,7 @@ def inertia_left(system: System) -> bool:
     lowest = 1.0
     for i in range(len(system.sizes.bodies)):
         if system.constants.body[i, FREE] != 0.0:
-            lowest = min(lowest, system.work.body[i, JOINT_UW])
+            lowest = min(lowest, system.work.body[i, JOINT_INERTIA])
     return lowest > 0.0
 
 

@@ -10,17 +10,18 @@ Axes of a body: origin at its joint, x along the tangent at its clamped root.
 
 from __future__ import annotations
 
-# ``ArmConstants.arm`` (4,): constants of the whole arm.
-ARM_COLUMNS = 4
+# ``ArmConstants.arm`` (5,): constants of the whole arm.
+ARM_COLUMNS = 5
 (
     GRAVITY_X,  # m/s^2, world axes
     GRAVITY_Y,
     HAS_JOINT_LAWS,  # 1.0 if any joint has friction, stops or a geared rotor, else 0.0
     HAS_BRISTLES,  # 1.0 if states contain the deflection of bristles, else 0.0
+    IS_TREE,  # 1.0 if any body is not on the tip of the one before, or slides, else 0.0
 ) = range(ARM_COLUMNS)
 
 # ``ArmConstants.body`` (n, BODY_COLUMNS): constants of each body and of the joint at its root.
-BODY_COLUMNS = 47
+BODY_COLUMNS = 53
 (
     MASS,  # kg
     INVERSE_MASS,  # 1/kg; 0 for a body without mass
@@ -69,6 +70,12 @@ BODY_COLUMNS = 47
     STOP_DAMPING,  # s/rad
     ROTOR_INERTIA,  # kg m^2 of the motor's rotor, about its own axis
     GEAR_RATIO,  # of that rotor
+    PARENT,  # index of the body whose tip section carries the joint, -1.0: the ground
+    SLIDES,  # 1.0 for a joint that slides, 0.0 for one that turns
+    SLIDE_X,  # direction of a sliding joint, axes of the body; 0 for one that turns
+    SLIDE_Y,
+    PLACE_X,  # m, of the joint (a sliding one at zero) from the tip, axes of the tip section
+    PLACE_Y,
 ) = range(BODY_COLUMNS)
 
 # ``ArmConstants.mode`` (n, m, MODE_COLUMNS): constants of each mode; eta in m sqrt(kg).
@@ -92,7 +99,7 @@ SHORTENING_COLUMNS = 3
 ) = range(SHORTENING_COLUMNS)
 
 # ``Workspace.body`` (n, WORK_BODY_COLUMNS): results for each body, in its axes except WORLD_*.
-WORK_BODY_COLUMNS = 76
+WORK_BODY_COLUMNS = 97
 (
     COSINE,  # of the rotation from the previous body's axes to these
     SINE,
@@ -149,6 +156,7 @@ WORK_BODY_COLUMNS = 76
     JOINT_UX,  # U: coefficients of the root acceleration in the joint's equation
     JOINT_UY,
     JOINT_UW,
+    JOINT_INERTIA,  # that the joint moves, kg m^2; kg for one that slides
     JOINT_INVERSE,  # free / D
     JOINT_DRIVE,  # tau - h_w, N m
     JOINT_GIVEN,  # prescribed acceleration, rad/s^2
@@ -170,6 +178,27 @@ WORK_BODY_COLUMNS = 76
     STOPS_FIXED,  # 1.0 while an integrator fixes whether the stops push, 0.0: the angle decides
     LOWER_PUSHES,  # 1.0 or 0.0, if fixed
     UPPER_PUSHES,
+    TIP_SLOPE,  # phi, rad (the columns from here on in trees only)
+    TIP_RATE,  # w + phi_dot, rad/s
+    ROOT_FROM_X,  # of the root from the section that carries it, m
+    ROOT_FROM_Y,
+    JOINT_BIAS_X,  # velocity products in the acceleration of the root, m/s^2
+    JOINT_BIAS_Y,
+    CARRIED_XX,  # inertia of the bodies on the tip, in the order of ``recursion.symmetric``;
+    # after a body is eliminated, its Y
+    CARRIED_XY,
+    CARRIED_YY,
+    CARRIED_XW,
+    CARRIED_YW,
+    CARRIED_WW,
+    CARRIED_KX,  # their wrench on the tip without acceleration, N
+    CARRIED_KY,
+    CARRIED_KW,  # N m
+    WORLD_TIP_X,  # of the tip section, world axes, m
+    WORLD_TIP_Y,
+    WORLD_TIP_ANGLE,  # rad
+    WORLD_TIP_X_RATE,  # m/s
+    WORLD_TIP_Y_RATE,
 ) = range(WORK_BODY_COLUMNS)
 
 # ``Workspace.mode`` (n, m, WORK_MODE_COLUMNS): results for each mode; the last three are used by
@@ -181,3 +210,41 @@ WORK_MODE_COLUMNS = 4
     D1_ETA,  # D1 eta
     FX,  # first row of F: -G eta
 ) = range(WORK_MODE_COLUMNS)
+
+# ``ArmConstants.closure`` (r, CLOSURE_COLUMNS): constants of each row of closures.
+CLOSURE_COLUMNS = 5
+(
+    FIRST_X,  # m, of the first point from the axis of its section, axes of the section
+    FIRST_Y,
+    SECOND_X,  # m, of the second point; on the ground, world axes
+    SECOND_Y,
+    CLOSURE_ANGLE,  # rad, between the sections, or of the line from the second section
+) = range(CLOSURE_COLUMNS)
+
+# ``Workspace.closure`` (r, CLOSURE_WORK_COLUMNS): results for each row.
+CLOSURE_WORK_COLUMNS = 11
+(
+    GAP,  # g, m or rad
+    GAP_RATE,
+    EXTRA,  # terms of its second derivative without accelerations
+    RELATIVE,  # its second derivative without closure forces
+    MULTIPLIER,  # lambda, N or N m
+    FIRST_WRENCH,  # on the section of the first point at a multiplier of one: x, y, w, world axes
+    _,
+    _,
+    SECOND_WRENCH,  # the same for the second point
+    _,
+    _,
+) = range(CLOSURE_WORK_COLUMNS)
+
+# ``Workspace.column`` (r, n, COLUMN_COLUMNS): each row as a bias of each body, axes of the body.
+COLUMN_COLUMNS = 7
+(
+    BIAS_KX,  # k at the tip
+    BIAS_KY,
+    BIAS_KW,
+    PASSED_X,  # m, behind the modes
+    PASSED_Y,
+    PASSED_W,
+    PASSED_DRIVE,  # on the joint
+) = range(COLUMN_COLUMNS)

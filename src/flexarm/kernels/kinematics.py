@@ -15,6 +15,8 @@ symbol             meaning                                                      
 
 from __future__ import annotations
 
+from typing import Any
+
 from flexarm.kernels.columns import (
     ALPHA,
     BENT_INERTIA,
@@ -35,19 +37,30 @@ from flexarm.kernels.columns import (
     INVERSE_INERTIA,
     INVERSE_MASS,
     JOINT_ANGLE,
+    JOINT_BIAS_X,
+    JOINT_BIAS_Y,
     LENGTH,
     MASS,
     MEAN_RATES,
     MODE_DAMPING,
     MOMENT_MU,
     MOMENT_S,
+    PLACE_X,
+    PLACE_Y,
     RATE,
     ROOT_BIAS_W,
     ROOT_BIAS_X,
     ROOT_BIAS_Y,
+    ROOT_FROM_X,
+    ROOT_FROM_Y,
     SINE,
+    SLIDE_X,
+    SLIDE_Y,
+    SLIDES,
     TIP_BIAS_X,
     TIP_BIAS_Y,
+    TIP_RATE,
+    TIP_SLOPE,
     TIP_X,
     TIP_Y,
     W2,
@@ -72,10 +85,17 @@ def link_terms(sizes: Sizes, constants: ArmConstants, state: Array, work: Worksp
     inboard_slope = 0.0
     inboard_rate = 0.0
     for i in range(len(sizes.bodies)):
-        alpha = inboard_slope + c.body[i, JOINT_ANGLE] + state[0, i, 0]
+        turned = state[0, i, 0]
+        turning = state[1, i, 0]
+        if len(sizes.tree) > 0:
+            inboard_slope, inboard_rate = _section_below(sizes, i, work)
+            _place_root(sizes, c, i, state, inboard_rate, work)
+            turned = turned * (1.0 - c.body[i, SLIDES])
+            turning = turning * (1.0 - c.body[i, SLIDES])
+        alpha = inboard_slope + c.body[i, JOINT_ANGLE] + turned
         work.body[i, COSINE] = cos(alpha)
         work.body[i, SINE] = sin(alpha)
-        w = inboard_rate + state[1, i, 0]
+        w = inboard_rate + turning
         work.body[i, RATE] = w
 
         phi = 0.0
@@ -193,3 +213,50 @@ def link_terms(sizes: Sizes, constants: ArmConstants, state: Array, work: Worksp
                 )
         inboard_slope = phi
         inboard_rate = w + phi_dot
+        if len(sizes.tree) > 0:
+            work.body[i, TIP_SLOPE] = phi
+            work.body[i, TIP_RATE] = w + phi_dot
+
+
+@merged
+def _section_below(sizes: Sizes, i: int, work: Workspace) -> Any:
+    """Return slope and rate of the section that carries body i; zero for the ground."""
+    slope, rate = 0.0, 0.0
+    carrier = sizes.joints[i, 0]
+    if carrier >= 0:
+        slope, rate = work.body[carrier, TIP_SLOPE], work.body[carrier, TIP_RATE]
+    return slope, rate
+
+
+@merged
+def root_from_section(sizes: Sizes, constants: ArmConstants, i: int, state: Array) -> Any:
+    """Return the root of body i from the section that carries it, axes of the body, (M.2)."""
+    c = constants
+    angle = c.body[i, JOINT_ANGLE] + state[0, i, 0] * (1.0 - c.body[i, SLIDES])
+    cosine = cos(angle)
+    sine = sin(angle)
+    x = (
+        cosine * c.body[i, PLACE_X]
+        + sine * c.body[i, PLACE_Y]
+        + c.body[i, SLIDE_X] * state[0, i, 0]
+    )
+    y = (
+        cosine * c.body[i, PLACE_Y]
+        - sine * c.body[i, PLACE_X]
+        + c.body[i, SLIDE_Y] * state[0, i, 0]
+    )
+    return x, y
+
+
+@merged
+def _place_root(
+    sizes: Sizes, constants: ArmConstants, i: int, state: Array, rate: Any, work: Workspace
+) -> None:
+    """Write the place of the root and its velocity products; ``rate``: of the section, (M.3)."""
+    c = constants
+    x, y = root_from_section(sizes, c, i, state)
+    work.body[i, ROOT_FROM_X] = x
+    work.body[i, ROOT_FROM_Y] = y
+    slide = 2.0 * rate * state[1, i, 0]
+    work.body[i, JOINT_BIAS_X] = -rate * rate * x - slide * c.body[i, SLIDE_Y]
+    work.body[i, JOINT_BIAS_Y] = -rate * rate * y + slide * c.body[i, SLIDE_X]

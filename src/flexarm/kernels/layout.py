@@ -7,17 +7,19 @@ rectangular.
 ============  ===================================================================================
 index         meaning
 ============  ===================================================================================
-``n``         bodies, from the base outwards
+``n``         bodies, from the base outwards; each follows the body that carries it
 ``m``         maximum number of modes of a body
 ``c``         ``m`` with rotary inertia of the sections of any body or bristles, else 0
 ``g``         ``m`` with the second-order theory, else 0
 ``laws``      1 if any joint has friction, stops or a geared rotor, else 0
+``tree``      1 if any body is not on the tip of the one before, or any joint slides, else 0
+``closures``  rows of closures: equations that close loops
 ``bristles``  1 if the last mode is the deflection of the bristles of joints, else 0
 ============  ===================================================================================
 
 The state is one array of shape (2, n, 1 + m): ``state[0]`` coordinates, ``state[1]`` rates. Each
-row contains first the joint angle (rad), relative to the tip tangent of the previous body, then the
-mass-normalised modal coordinates (m sqrt(kg)).
+row contains first the joint angle (rad), relative to the tip tangent of the body that carries it,
+or the position (m) of a joint that slides, then the mass-normalised modal coordinates (m sqrt(kg)).
 
 Dry friction with bristles (``forces.joint_law``) has a state of first order. It is the *rate* of a
 last, additional mode of unit mass without shape: the deflection of the bristles times the square
@@ -45,7 +47,8 @@ SEEN_COLUMNS = 11
 
 
 class Sizes(NamedTuple):
-    """Loop lengths; the ``len`` of each field is a count.
+    """Loop lengths, and the order of the bodies; the ``len`` of all fields but the last
+    two is a count.
 
     With tuples the counts are part of the type: the compiler sees constants, and compiles once for
     every model size. With arrays they are run-time values: one compilation serves every size.
@@ -57,6 +60,13 @@ class Sizes(NamedTuple):
     geometric: Any
     joint_laws: Any
     bristles: Any
+    tree: Any
+    closures: Any
+    #: (n, 2) integers, always at run time: index of the body that carries body i, or -1; 1 if its
+    #: joint slides, else 0
+    joints: Array
+    #: (r, 3) integers, always at run time: kind of the row, and the bodies of its points, or -1
+    ends: Array
 
 
 class Columns:
@@ -81,6 +91,8 @@ class _ArmArrays(NamedTuple):
     mode: Array  # (n, m, MODE_COLUMNS)
     centrifugal: Array  # (n, c, c) -R, theory page equation (L.19)
     shortening: Array  # (n, g, g, SHORTENING_COLUMNS)
+    closure: Array  # (r, CLOSURE_COLUMNS)
+    ends: Array  # (r, 3) as ``Sizes.ends``
 
 
 class ArmConstants(_ArmArrays):
@@ -119,6 +131,10 @@ class ArmConstants(_ArmArrays):
     holds = Columns("body", columns.HOLDS)
     limits = Columns("body", columns.LOWER_STOP, 4)  # from LOWER_STOP to STOP_DAMPING
     rotor = Columns("body", columns.ROTOR_INERTIA, 2)  # ROTOR_INERTIA, GEAR_RATIO
+    parent = Columns("body", columns.PARENT)
+    slides = Columns("body", columns.SLIDES)
+    slide = Columns("body", columns.SLIDE_X, 2)
+    place = Columns("body", columns.PLACE_X, 2)
     S = Columns("mode", columns.S)
     a = Columns("mode", columns.A)
     P = Columns("mode", columns.P)
@@ -136,20 +152,29 @@ class ArmConstants(_ArmArrays):
         return bool(self.arm[columns.HAS_JOINT_LAWS] != 0.0)
 
     @property
+    def is_tree(self) -> bool:
+        """Whether any body is not on the tip of the one before, or any joint slides."""
+        return bool(self.arm[columns.IS_TREE] != 0.0)
+
+    @property
     def has_bristles(self) -> bool:
         """Whether states contain the deflections of bristles."""
         return bool(self.arm[columns.HAS_BRISTLES] != 0.0)
 
 
-def empty_constants(n: int, m: int, c: int, g: int) -> ArmConstants:
-    """Allocate the constants of an arm, filled with zeros."""
-    return ArmConstants(
+def empty_constants(n: int, m: int, c: int, g: int, r: int = 0) -> ArmConstants:
+    """Allocate the constants of a serial arm, otherwise filled with zeros."""
+    constants = ArmConstants(
         arm=np.zeros(columns.ARM_COLUMNS),
         body=np.zeros((n, columns.BODY_COLUMNS)),
         mode=np.zeros((n, m, columns.MODE_COLUMNS)),
         centrifugal=np.zeros((n, c, c)),
         shortening=np.zeros((n, g, g, columns.SHORTENING_COLUMNS)),
+        closure=np.zeros((r, columns.CLOSURE_COLUMNS)),
+        ends=np.zeros((r, 3)),
     )
+    constants.parent[:] = np.arange(n) - 1
+    return constants
 
 
 class Contacts(NamedTuple):
@@ -197,6 +222,9 @@ class _WorkArrays(NamedTuple):
     force: Array  # (n, 1 + m) generalised forces (inverse dynamics)
     body: Array  # (n, WORK_BODY_COLUMNS)
     mode: Array  # (n, m, WORK_MODE_COLUMNS)
+    closure: Array  # (r, CLOSURE_WORK_COLUMNS)
+    column: Array  # (r, n, COLUMN_COLUMNS)
+    reaction: Array  # (r, r) J M^-1 J', then its factors
 
 
 class Workspace(_WorkArrays):
@@ -211,11 +239,15 @@ class Workspace(_WorkArrays):
 def new_workspace(constants: ArmConstants, dtype: Any = np.float64) -> Workspace:
     """Allocate scratch for an arm and a number type (``complex``, ``object``, ...)."""
     n, m = constants.mode.shape[:2]
+    r = len(constants.closure)
     return Workspace(
         acceleration=np.zeros((n, 1 + m), dtype=dtype),
         force=np.zeros((n, 1 + m), dtype=dtype),
         body=np.zeros((n, columns.WORK_BODY_COLUMNS), dtype=dtype),
         mode=np.zeros((n, m, columns.WORK_MODE_COLUMNS), dtype=dtype),
+        closure=np.zeros((r, columns.CLOSURE_WORK_COLUMNS), dtype=dtype),
+        column=np.zeros((r, n, columns.COLUMN_COLUMNS), dtype=dtype),
+        reaction=np.zeros((r, r), dtype=dtype),
     )
 
 
@@ -257,15 +289,22 @@ def empty_contacts(constants: ArmConstants, count: int, pieces: int) -> Contacts
 def run_time_sizes(constants: ArmConstants) -> Sizes:
     """Return sizes for code that is compiled once for all arms."""
     counts = _counts(constants)
-    return Sizes(*(np.zeros(count, dtype=np.int8) for count in counts))
+    return Sizes(*(np.zeros(count, dtype=np.int8) for count in counts), *_structure(constants))
 
 
 def compile_time_sizes(constants: ArmConstants) -> Sizes:
     """Return sizes for faster code that is compiled for this model size alone."""
-    return Sizes(*((0,) * count for count in _counts(constants)))
+    return Sizes(*((0,) * count for count in _counts(constants)), *_structure(constants))
 
 
 def _counts(constants: ArmConstants) -> tuple[int, ...]:
     n, m = constants.mode.shape[:2]
     c, g = constants.centrifugal.shape[1], constants.shortening.shape[1]
-    return n, m, c, g, int(constants.has_joint_laws), int(constants.has_bristles)
+    laws, bristles = int(constants.has_joint_laws), int(constants.has_bristles)
+    return n, m, c, g, laws, bristles, int(constants.is_tree), len(constants.closure)
+
+
+def _structure(constants: ArmConstants) -> tuple[Array, Array]:
+    """Return the arrays ``Sizes.joints`` and ``Sizes.ends``."""
+    joints = np.stack([constants.parent, constants.slides], axis=1)
+    return joints.real.astype(np.int16), constants.ends.real.astype(np.int16)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,9 +18,13 @@ from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_co
 from flexarm.arm.beams.invariants import inverse_inertia
 from flexarm.arm.beams.properties import interpolation_error
 from flexarm.base.errors import InputError
-from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS
+from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS, IS_TREE
 from flexarm.kernels.layout import ArmConstants, empty_constants
-from flexarm.model import ArmSpec, Joint, Link, RayleighDamping
+from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_LINE, ROW_X, ROW_Y
+from flexarm.model import ArmSpec, Base, Joint, Link, RayleighDamping
+
+#: Equations of each kind of closure.
+_ROWS = {"pin": 2, "weld": 3, "line": 1}
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -55,6 +60,14 @@ class Seat(NamedTuple):
     backlash: bool = False  # whether the spring of the elastic joint has one
 
 
+class BaseCoordinate(NamedTuple):
+    """A coordinate of the base that moves."""
+
+    name: str  # x, y or angle
+    body: int  # index of the body that it moves; the last of them is the base itself
+    index: int  # index of the coordinate in q
+
+
 @dataclass(frozen=True, eq=False)
 class Assembly:
     """Kernel constants of an arm, and the positions of its coordinates in the arrays."""
@@ -65,6 +78,7 @@ class Assembly:
     seats: tuple[Seat, ...]  # the joints that are not fixed, from the base outwards
     link_body: IntArray  # (links,) first body of each link
     coordinates: IntArray  # (dof,) index of each entry of q in the flattened (n, 1 + m) array
+    base: tuple[BaseCoordinate, ...] = ()  # coordinates of the base that move
 
     @cached_property
     def has_bristles(self) -> bool:
@@ -135,17 +149,20 @@ def assemble(spec: ArmSpec) -> Assembly:
     pieces: list[Piece] = []
     seats: list[Seat] = []
     link_body: list[int] = []
-    places: list[tuple[int, int]] = []  # body and column of each coordinate
-    body = 0
+    base = tuple(BaseCoordinate(name, i, i) for i, name in enumerate(_moving(spec.base)))
+    places = [(i, 0) for i in range(len(base))]  # body and column of each coordinate
+    body = len(base)
+    carried = _stations_of_children(spec)
     for index, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
         if not joint.fixed:
             twist = len(places) + 1 if joint.elastic else None
             seats.append(Seat(index, body, len(places), twist, joint.backlash > 0.0))
             places += [(body, 0), (body + 1, 0)] if joint.elastic else [(body, 0)]
             body += joint.elastic
+        body += 0.0 in carried[index]  # a massless body between the joint and the link
         link_body.append(body)
         start, rows, offset = 0.0, 0, link.hub_radius
-        for shapes in _kept_segments(link, index):
+        for shapes in _kept_segments(link, index, carried[index]):
             count = shapes.elements
             nodes = slice(rows, rows + count)
             pieces.append(Piece(index, body, start, shapes, len(places), nodes, offset))
@@ -161,16 +178,40 @@ def assemble(spec: ArmSpec) -> Assembly:
         seats=tuple(seats),
         link_body=np.array(link_body, dtype=np.intp),
         coordinates=np.array([i * stride + column for i, column in places], dtype=np.intp),
+        base=base,
     )
 
 
-def _kept_segments(link: Link, index: int) -> tuple[LinkConstants, ...]:
+def _moving(base: Base) -> tuple[str, ...]:
+    """Return the names of the coordinates of a base that move, in the order of their bodies."""
+    return tuple(name for name in ("x", "y", "angle") if name in base.free)
+
+
+def _parent(spec: ArmSpec, index: int) -> int:
+    """Return the number of the link that carries the joint of a link, 0 for the base."""
+    parent = spec.links[index].parent
+    return index if parent is None else parent
+
+
+def _stations_of_children(spec: ArmSpec) -> list[tuple[float, ...]]:
+    """Return, for each link, the stations (m) below its tip that carry links or closures."""
+    stations: list[set[float]] = [set() for _ in spec.links]
+    points = [(_parent(spec, i), link.parent_station) for i, link in enumerate(spec.links)]
+    for closure in spec.closures:
+        points += [(closure.link, closure.station), (closure.to_link, closure.to_station)]
+    for number, station in points:
+        if number and station is not None and station < spec.links[number - 1].length:
+            stations[number - 1].add(station)
+    return [tuple(sorted(places)) for places in stations]
+
+
+def _kept_segments(link: Link, index: int, carried: tuple[float, ...]) -> tuple[LinkConstants, ...]:
     """Return the constants of a link's segments, from the cache if possible; errors name it."""
     try:
         try:
-            return _segments(link)
+            return _segments(link, carried)
         except TypeError:  # a link that contains a list has no hash
-            return _segments.__wrapped__(link)
+            return _segments.__wrapped__(link, carried)
     except InputError as error:
         raise error.at(f"arm.links[{index}]") from None
 
@@ -185,23 +226,41 @@ def table_error(link: Link) -> float:
 
 
 @lru_cache(maxsize=64)
-def _segments(link: Link) -> tuple[LinkConstants, ...]:
-    """Compute the read-only constants of the segments of a link, from its root outwards."""
+def _segments(link: Link, carried: tuple[float, ...]) -> tuple[LinkConstants, ...]:
+    """Compute the read-only constants of the segments of a link, from its root outwards.
+
+    The link is also divided at the stations ``carried`` that carry other links.
+    """
     beam, count = link.beam(), link.segments
+    ends = {link.length * k / count for k in range(1, count + 1)}
+    inner = {s for s in carried if s > 0.0 and not np.isclose(s, list(ends), rtol=1e-9).any()}
+    edges = [0.0, *sorted(ends | inner)]
     columns = {name: np.array(values) for name, values in beam if values is not None}
     x = columns.pop("x")
     if not link.flexible:
-        mass, rotary = columns["mass_per_length"], columns["rotary_inertia_per_length"]
-        table = BeamTable(x, np.ones(x.shape), mass, rotary)
-        return (rigid_constants(table, link.elements),)
+        columns["flexural_rigidity"] = np.ones(x.shape)
+        columns.pop("shear_rigidity", None)
+        edges = [0.0, *sorted(inner), link.length]
     segments = []
-    for k in range(count):
-        a, b = link.length * k / count, link.length * (k + 1) / count
+    for (a, b), elements in zip(pairwise(edges), _shared(link.elements, edges), strict=True):
         stations = np.concatenate([[a], x[(x > a) & (x < b)], [b]])
         parts = {name: np.interp(stations, x, column) for name, column in columns.items()}
         table = BeamTable(stations - a, **parts)
-        segments.append(link_constants(table, link.elements // count, link.modes))
+        if link.flexible:
+            modes = None if link.modes is None else min(link.modes, 2 * elements)
+            segments.append(link_constants(table, elements, modes))
+        else:
+            segments.append(rigid_constants(table, elements))
     return tuple(segments)
+
+
+def _shared(elements: int, edges: Sequence[float]) -> list[int]:
+    """Return numbers of elements in proportion to the lengths between edges, at least 1 each."""
+    shares = elements * np.diff(edges) / (edges[-1] - edges[0])
+    counts = np.maximum(1, np.floor(shares + 1e-9)).astype(int)
+    while counts.sum() < elements:
+        counts[np.argmax(shares - counts)] += 1
+    return [int(count) for count in counts]
 
 
 def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
@@ -213,7 +272,8 @@ def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
     second_order = spec.theory == "second_order"
     g = m if second_order else 0
     c = m if bristles or any(np.any(piece.shapes.rotary) for piece in pieces) else 0
-    constants = empty_constants(n, m, c, g)
+    rows = sum(_ROWS[closure.kind] for closure in spec.closures)
+    constants = empty_constants(n, m, c, g, rows)
     constants.arm[HAS_JOINT_LAWS] = float(
         any(joint.friction or joint.limits or joint.rotor_inertia for joint in spec.joints)
     )
@@ -236,15 +296,15 @@ def place_joints_and_payload(
     constants.friction[:] = 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0
     constants.limits[:] = -1.0, 1.0, 0.0, 0.0
     constants.rotor[:] = 0.0, 1.0
-    for before, piece in zip((None, *pieces[:-1]), pieces, strict=True):
+    carriers = _place_tree(constants, spec, pieces, seats)
+    for piece in pieces:
         i, k = piece.body, piece.shapes.w2.size
         constants.damping[i, :k] = _modal_damping(spec.links[piece.link], constants.w2[i, :k])
         if piece.start == 0.0:
-            inboard = None if before is None else before.body
             radius = spec.links[piece.link].hub_radius
             move_root(constants, i, radius)
             constants.length[i] += radius
-            _place_hub(constants, i, inboard, spec.joints[piece.link])
+            _place_hub(constants, i, carriers[piece.link], spec.joints[piece.link])
     for seat in seats:
         _place_motor(constants, seat, spec.joints[seat.link])
     if constants.mass.size > pieces[-1].body + 1:
@@ -254,14 +314,103 @@ def place_joints_and_payload(
         constants.tip_inertia[-1] += spec.payload.inertia
 
 
-def _place_hub(constants: ArmConstants, i: int, inboard: int | None, joint: Joint) -> None:
+def _place_tree(
+    constants: ArmConstants, spec: ArmSpec, pieces: Sequence[Piece], seats: Sequence[Seat]
+) -> list[int]:
+    """Set the base, and parents, places and slides of all joints; return the carriers of links.
+
+    A carrier is the body whose tip section carries the joint of a link; -1 is the ground.
+    """
+    base = _place_base(constants, spec.base)
+    carried = _stations_of_children(spec)
+    moved = {seat.link: seat.body for seat in seats}
+    bodies: list[list[Piece]] = [[] for _ in spec.links]
+    for piece in pieces:
+        bodies[piece.link].append(piece)
+
+    def section(number: int, station: float | None) -> tuple[int, float]:
+        """Return the body on whose tip a point of a link lies, and how far beyond it (m)."""
+        if number == 0:
+            return base, 0.0
+        link, own = spec.links[number - 1], bodies[number - 1]
+        if station is None or station >= link.length:
+            return own[-1].body, 0.0
+        before = [p for p in own if p.start < station * (1.0 - 1e-9)]
+        return (before[-1].body, 0.0) if before else (own[0].body - 1, link.hub_radius)
+
+    carriers = []
+    for index, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
+        carrier, beyond = section(_parent(spec, index), link.parent_station)
+        place = np.array(joint.offset, dtype=object)
+        place[0] = place[0] + beyond
+        carriers.append(carrier)
+        root = bodies[index][0].body - (0.0 in carried[index])
+        if 0.0 in carried[index]:
+            constants.residual_tip[root] = 1.0, 0.0, 0.0, 1.0
+        first = moved.get(index, root)
+        constants.parent[first] = carrier
+        constants.joint_angle[first] = joint.mounting_angle
+        _place_joint(constants, slice(first, first + 1 + joint.elastic), first, joint, place)
+    row = 0
+    for closure in spec.closures:
+        first, beyond = section(closure.link, closure.station)
+        points = [closure.offset[0] + beyond, closure.offset[1], *closure.to_offset]
+        second = -1
+        if closure.to_link is not None:
+            second, beyond = section(closure.to_link, closure.to_station)
+            points[2] += beyond
+        kinds = {"pin": (ROW_X, ROW_Y), "weld": (ROW_X, ROW_Y, ROW_ANGLE), "line": (ROW_LINE,)}
+        for kind in kinds[closure.kind]:
+            constants.ends[row] = kind, first, second
+            constants.closure[row] = *points, closure.angle
+            row += 1
+    serial = np.arange(constants.mass.size) - 1.0
+    moves = constants.slides.any() or constants.place.any() or row > 0
+    constants.arm[IS_TREE] = float(bool(moves or np.any(constants.parent != serial)))
+    return carriers
+
+
+def _place_joint(
+    constants: ArmConstants, bodies: slice, first: int, joint: Joint, place: Any
+) -> None:
+    """Set place and slide of a joint; ``bodies``: those that slide along it."""
+    constants.place[first] = place
+    if joint.kind == "revolute":
+        if joint.fixed:
+            constants.joint_angle[first] = joint.mounting_angle + joint.rest_angle
+        return
+    x, y = np.array(joint.axis) / np.hypot(*joint.axis)
+    if joint.fixed:
+        constants.place[first] = place + joint.rest_angle * np.array([x, y])
+        return
+    cosine, sine = np.cos(joint.mounting_angle), np.sin(joint.mounting_angle)
+    constants.slides[bodies] = 1.0
+    constants.slide[bodies] = cosine * x + sine * y, cosine * y - sine * x
+
+
+def _place_base(constants: ArmConstants, base: Base) -> int:
+    """Set the bodies of a base, and return the last of them, or -1."""
+    names = _moving(base)
+    for i, name in enumerate(names):
+        constants.residual_tip[i] = 1.0, 0.0, 0.0, 1.0
+        constants.free[i] = 1.0
+        column = ("x", "y", "angle").index(name)
+        constants.joint_stiffness[i] = base.stiffness[column]
+        constants.joint_damping[i] = base.damping[column]
+        if name != "angle":
+            constants.slides[i] = 1.0
+            constants.slide[i] = float(name == "x"), float(name == "y")
+    if names:
+        _place_rigid_body(constants, len(names) - 1, base.mass, base.inertia, base.centre)
+    return len(names) - 1
+
+
+def _place_hub(constants: ArmConstants, i: int, inboard: int, joint: Joint) -> None:
     """Set the hub of the joint at the root of body i, and its motor on the inboard body."""
     constants.inertia[i] += joint.hub_inertia
     constants.hub[i] = joint.hub_inertia
     constants.residual_inertia[i, 2] += joint.hub_inertia
-    if joint.fixed:
-        constants.joint_angle[i] = joint.rest_angle
-    if inboard is not None:
+    if inboard >= 0:
         constants.tip_mass[inboard] += joint.mass
         constants.tip_inertia[inboard] += joint.housing_inertia
 
@@ -330,14 +479,21 @@ def _place_link(constants: ArmConstants, i: int, link: LinkConstants, second_ord
 def _place_payload_body(constants: ArmConstants, spec: ArmSpec) -> None:
     """Add a payload offset from the tip: a rigid body of zero length on a fixed joint."""
     payload = spec.payload
-    x, y = payload.offset
-    constants.mass[-1] = payload.mass
-    constants.first_moment_x[-1] = payload.mass * x
-    constants.first_moment_y[-1] = payload.mass * y
-    constants.inertia[-1] = payload.inertia + payload.mass * (x * x + y * y)
-    constants.residual_inertia[-1] = payload.mass, payload.mass * x, constants.inertia[-1]
+    _place_rigid_body(constants, -1, payload.mass, payload.inertia, payload.offset)
     constants.residual_tip[-1] = 1.0, 0.0, 0.0, 1.0
     constants.free[-1] = 0.0
+
+
+def _place_rigid_body(
+    constants: ArmConstants, i: int, mass: Any, inertia: Any, centre: tuple[Any, Any]
+) -> None:
+    """Set body i to a rigid body; ``centre``: of mass, from its root."""
+    x, y = centre
+    constants.mass[i] = mass
+    constants.first_moment_x[i] = mass * x
+    constants.first_moment_y[i] = mass * y
+    constants.inertia[i] = inertia + mass * (x * x + y * y)
+    constants.residual_inertia[i] = mass, mass * x, constants.inertia[i]
 
 
 def _modal_damping(link: Link, w2: FloatArray) -> FloatArray:

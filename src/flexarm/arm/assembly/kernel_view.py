@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from flexarm.arm.assembly.assemble import Assembly, FloatArray, IntArray
+from flexarm.kernels.columns import MULTIPLIER
 from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.derivatives.sensitivity import forward_jacobian
 from flexarm.kernels.layout import (
@@ -30,7 +31,7 @@ _SHARED: dict[str, tuple[_Kernel, ...]] = {
     "d": (forward_dynamics, inverse_dynamics),
     "D": (forward_jacobian,),
 }
-_known: dict[tuple[int | str, ...], tuple[Sizes, dict[_Kernel, Entry]]] = {}
+_known: dict[tuple[int | str | bytes, ...], tuple[Sizes, dict[_Kernel, Entry]]] = {}
 
 
 class _Entries(dict[_Kernel, Entry]):
@@ -62,7 +63,8 @@ class KernelView:
         self.work = new_workspace(constants, dtype)
         self.shape = self.work.acceleration.shape
         sizes, number = run_time_sizes(constants), self.work.body.dtype.char
-        key = (*map(len, sizes), constants.body.dtype.char, number)
+        order = sizes.joints.tobytes(), sizes.ends.tobytes()
+        key = (*map(len, sizes), constants.body.dtype.char, number, *order)
         shared = {kernel: Entry(kernel) for kernel in _SHARED.get(number, ())}
         self.sizes, shared = _known.setdefault(key, (sizes, shared))
         self._entries = _Entries(shared)
@@ -89,6 +91,10 @@ class KernelView:
         """Return the generalised force (n, 1 + m) of a motion, in the workspace."""
         self.call(inverse_dynamics, state, acceleration, loads or self.loads, self.work)
         return self.work.force
+
+    def set_closure_forces(self, forces: Array) -> None:
+        """Set the multipliers (rows,) of closures that inverse dynamics use."""
+        self.work.closure[:, MULTIPLIER] = forces
 
     def zeros(self, *leading: int) -> Array:
         """Return zeros (..., n, 1 + m) of the workspace's number type."""

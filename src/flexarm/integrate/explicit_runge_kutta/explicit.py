@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.closures import close_step
 from flexarm.integrate.memory import BETWEEN, EVALUATIONS, STEP, Memory
 from flexarm.integrate.nearness import step_on
 from flexarm.integrate.samples import begin_call, dense_weights, sample_before
@@ -83,7 +84,10 @@ def advance_explicit(
             continue
         if status != DONE:
             return status
-        status = judge_end(system, tolerance, memory, stages, s, t, t_new, h, adaptive, last > s)
+        if len(sizes.closures) > 0:
+            close_step(system, system.constants, memory)
+        known = last > s and len(sizes.closures) == 0
+        status = judge_end(system, tolerance, memory, stages, s, t, t_new, h, adaptive, known)
         if status == PAUSED:
             continue
         if status != DONE:

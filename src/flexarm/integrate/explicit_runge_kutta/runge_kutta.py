@@ -20,6 +20,7 @@ class ExplicitRungeKutta(Integrator):
 
     stepper = staticmethod(advance_explicit)
     follows_sticking = True
+    follows_closures = True
 
     @property
     @abstractmethod

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.closures import close_step
 from flexarm.integrate.implicit.bristles import bend_bristles, hold_bristles
 from flexarm.integrate.memory import BETWEEN, EVALUATIONS, SOFTENED, STEP, Memory
 from flexarm.integrate.nearness import step_on
@@ -182,6 +183,8 @@ def advance_additive(
             continue
         if status != DONE:
             return status
+        if len(sizes.closures) > 0:
+            close_step(system, record.softened, memory)
         status = judge_end(system, tolerance, memory, stages, s, t, t_new, h, controlled, known)
         if status == PAUSED:
             continue

@@ -98,6 +98,7 @@ class Additive(Integrator):
     adaptive: ClassVar[bool] = True
     follows_bristles: ClassVar[bool] = True
     follows_sticking: ClassVar[bool] = True
+    follows_closures: ClassVar[bool] = True
     reference: ClassVar[tuple[str, ...]] = ("KennedyCarpenter2003", "BoscarinoFilbetRusso2016")
     tableau: ClassVar[AdditiveTableau]
     stepper = staticmethod(advance_additive)

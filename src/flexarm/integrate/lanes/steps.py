@@ -28,7 +28,7 @@ from flexarm.integrate.steps import (
     step_landing,
 )
 from flexarm.integrate.torque import loads_in, piece_of
-from flexarm.kernels.columns import FREE, JOINT_UW
+from flexarm.kernels.columns import FREE, JOINT_INERTIA
 from flexarm.kernels.compilation.cache import apart, inner, merged
 from flexarm.kernels.compilation.packs import LANES, PackArray, chosen, fill_lane
 from flexarm.kernels.layout import ArmConstants, Loads, Sizes
@@ -252,10 +252,10 @@ def measure_steps(
     """
     h = memory.step[0]
     constants = memory.constants
-    deepest = -memory.work.body[0, JOINT_UW]
+    deepest = -memory.work.body[0, JOINT_INERTIA]
     deepest = chosen(constants.body[0, FREE], deepest, -1.0)
     for i in range(1, len(sizes.bodies)):
-        depth = chosen(constants.body[i, FREE], -memory.work.body[i, JOINT_UW], -1.0)
+        depth = chosen(constants.body[i, FREE], -memory.work.body[i, JOINT_INERTIA], -1.0)
         deepest = max(deepest, depth)
     memory.norm[3] = -deepest
     if control.adaptive:

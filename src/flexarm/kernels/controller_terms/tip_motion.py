@@ -28,7 +28,7 @@ def tip_motion(
     """Fill position, velocity and bias (2,) and the Jacobian (2, n), world axes.
 
     ``state`` (2, n, 1 + m) is real, with modes at rest; ``scratch`` of the same shape,
-    ``body_poses`` (n, 10) and ``tip`` (6,) are complex.
+    ``body_poses`` (n, 16) and ``tip`` (6,) are complex.
     """
     count = len(sizes.bodies)
     for i in range(count):

@@ -15,6 +15,7 @@ from flexarm.kernels.columns import (
     TIP_ACCELERATION_Y,
 )
 from flexarm.kernels.compilation.cache import compiled
+from flexarm.kernels.compilation.numbers import cos, sin
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.observation.observables import poses
@@ -35,7 +36,7 @@ def tip_motion(
     """Fill ``tip`` (6,): position, velocity, acceleration (x, y each), world axes, from the base.
 
     Call it directly after ``inverse_dynamics`` of the same state, which leaves the acceleration of
-    the tip in ``work``, in the axes of the last body and minus gravity. ``body_poses`` (n, 10) and
+    the tip in ``work``, in the axes of the last body and minus gravity. ``body_poses`` (n, 16) and
     ``pose`` (6,) are scratch.
     """
     poses(sizes, constants, state, body_poses, pose)
@@ -43,6 +44,10 @@ def tip_motion(
     cosine = 1.0 + 0.0 * work.body[last, COSINE]
     sine = 0.0 * work.body[last, COSINE]
     for i in range(len(sizes.bodies)):
+        if len(sizes.tree) > 0:
+            cosine = cos(body_poses[last, 2])
+            sine = sin(body_poses[last, 2])
+            break
         turned = cosine * work.body[i, COSINE] - sine * work.body[i, SINE]
         sine = sine * work.body[i, COSINE] + cosine * work.body[i, SINE]
         cosine = turned
@@ -75,7 +80,7 @@ def inverse_jacobian_many(
     """Compute generalised forces and tip motions of many motions, and their derivatives.
 
     Complex: ``states`` (k, 2, n, 1 + m), ``accelerations`` (k, n, 1 + m), ``work``, and the scratch
-    ``body_poses`` (n, 10), ``pose`` (6,), ``tip`` (6,). Results: ``forces`` (k, n, 1 + m) and
+    ``body_poses`` (n, 16), ``pose`` (6,), ``tip`` (6,). Results: ``forces`` (k, n, 1 + m) and
     ``tips`` (k, 6) as in ``tip_motion``; ``force_by`` (k, 3, n, 1 + m, n, 1 + m) and ``tip_by``
     (k, 3, n, 1 + m, 6), the derivatives by coordinates (0), rates (1) and accelerations (2). The
     indices of the variable precede those of the function. Derivatives by padded and fixed

@@ -30,12 +30,25 @@ import numpy as np
 from flexarm.kernels.columns import (
     COSINE,
     FX,
+    JOINT_ANGLE,
     RATE,
+    ROOT_FROM_X,
+    ROOT_FROM_Y,
     SINE,
+    SLIDE_X,
+    SLIDE_Y,
+    SLIDES,
+    TIP_RATE,
+    TIP_SLOPE,
     TIP_X,
     TIP_Y,
     WORLD_COSINE,
     WORLD_SINE,
+    WORLD_TIP_ANGLE,
+    WORLD_TIP_X,
+    WORLD_TIP_X_RATE,
+    WORLD_TIP_Y,
+    WORLD_TIP_Y_RATE,
     WORLD_X,
     WORLD_X_RATE,
     WORLD_Y,
@@ -180,9 +193,13 @@ def place_bodies(sizes: Sizes, constants: ArmConstants, state: Array, work: Work
     x_dot = 0.0 * cosine
     y_dot = 0.0 * cosine
     for i in range(len(sizes.bodies)):
+        if len(sizes.tree) > 0:
+            cosine, sine = world_section(sizes, i, work)
         turned = cosine * work.body[i, COSINE] - sine * work.body[i, SINE]
         sine = sine * work.body[i, COSINE] + cosine * work.body[i, SINE]
         cosine = turned
+        if len(sizes.tree) > 0:
+            x, y, x_dot, y_dot = _world_root(sizes, constants, i, state, cosine, sine, work)
         work.body[i, WORLD_COSINE] = cosine
         work.body[i, WORLD_SINE] = sine
         work.body[i, WORLD_X] = x
@@ -201,6 +218,55 @@ def place_bodies(sizes: Sizes, constants: ArmConstants, state: Array, work: Work
         y = y + sine * work.body[i, TIP_X] + cosine * work.body[i, TIP_Y]
         x_dot = x_dot + cosine * vx - sine * vy
         y_dot = y_dot + sine * vx + cosine * vy
+        if len(sizes.tree) > 0:
+            work.body[i, WORLD_TIP_X], work.body[i, WORLD_TIP_Y] = x, y
+            work.body[i, WORLD_TIP_ANGLE] = _section_angle(sizes, constants, i, state, work)
+            work.body[i, WORLD_TIP_X_RATE], work.body[i, WORLD_TIP_Y_RATE] = x_dot, y_dot
+
+
+@merged
+def world_section(sizes: Sizes, i: int, work: Workspace) -> Any:
+    """Return cosine and sine of the axes to which the rotation of body i in a tree refers."""
+    cosine, sine = 1.0, 0.0
+    carrier = sizes.joints[i, 0]
+    if carrier >= 0:
+        cosine, sine = work.body[carrier, WORLD_COSINE], work.body[carrier, WORLD_SINE]
+    return cosine, sine
+
+
+@merged
+def _section_angle(
+    sizes: Sizes, constants: ArmConstants, i: int, state: Array, work: Workspace
+) -> Any:
+    """Return the absolute angle of the tip section of body i of a tree."""
+    angle = 0.0
+    carrier = sizes.joints[i, 0]
+    if carrier >= 0:
+        angle = work.body[carrier, WORLD_TIP_ANGLE]
+    turned = state[0, i, 0] * (1.0 - constants.body[i, SLIDES])
+    return angle + constants.body[i, JOINT_ANGLE] + turned + work.body[i, TIP_SLOPE]
+
+
+@merged
+def _world_root(
+    sizes: Sizes, constants: ArmConstants, i: int, state: Array, cosine: Any, sine: Any,
+    work: Workspace,
+) -> Any:  # fmt: skip
+    """Return world position and velocity of the root of body i of a tree, whose axes are known."""
+    x, y, x_dot, y_dot, rate = 0.0, 0.0, 0.0, 0.0, 0.0
+    carrier = sizes.joints[i, 0]
+    if carrier >= 0:
+        x, y = work.body[carrier, WORLD_TIP_X], work.body[carrier, WORLD_TIP_Y]
+        x_dot = work.body[carrier, WORLD_TIP_X_RATE]
+        y_dot = work.body[carrier, WORLD_TIP_Y_RATE]
+        rate = work.body[carrier, TIP_RATE]
+    along = cosine * work.body[i, ROOT_FROM_X] - sine * work.body[i, ROOT_FROM_Y]
+    across = sine * work.body[i, ROOT_FROM_X] + cosine * work.body[i, ROOT_FROM_Y]
+    slide_x = cosine * constants.body[i, SLIDE_X] - sine * constants.body[i, SLIDE_Y]
+    slide_y = sine * constants.body[i, SLIDE_X] + cosine * constants.body[i, SLIDE_Y]
+    x_dot = x_dot - rate * across + slide_x * state[1, i, 0]
+    y_dot = y_dot + rate * along + slide_y * state[1, i, 0]
+    return x + along, y + across, x_dot, y_dot
 
 
 @merged

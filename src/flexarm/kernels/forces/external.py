@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from flexarm.kernels.columns import COSINE, FLEX_BIAS, ROOT_BIAS_W, SINE, WORLD_COSINE, WORLD_SINE
 from flexarm.kernels.compilation.cache import merged
-from flexarm.kernels.forces.contact import touch
+from flexarm.kernels.forces.contact import touch, world_section
 from flexarm.kernels.forces.push import push_at
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 
@@ -33,6 +33,8 @@ def push_loads(sizes: Sizes, loads: Loads, state: Array, work: Workspace) -> Non
     cosine = 1.0
     sine = 0.0
     for i in range(len(sizes.bodies)):
+        if len(sizes.tree) > 0:
+            cosine, sine = world_section(sizes, i, work)
         turned = cosine * work.body[i, COSINE] - sine * work.body[i, SINE]
         sine = sine * work.body[i, COSINE] + cosine * work.body[i, SINE]
         cosine = turned

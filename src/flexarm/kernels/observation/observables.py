@@ -3,10 +3,13 @@
 Theory page "recursion", (R.20) to (R.23). World axes: origin at the base joint.
 
 ``POSE`` columns of a body: x, y of its joint and absolute angle of its axes (m, m, rad), and their
-rates; then deflection and slope of its tip from the root tangent (m, rad), and their rates.
+rates; then deflection and slope of its tip from the root tangent (m, rad), and their rates; then
+x, y and angle of its tip section, and their rates.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 from flexarm.kernels.columns import (
     D0,
@@ -23,6 +26,9 @@ from flexarm.kernels.columns import (
     JOINT_ANGLE,
     LENGTH,
     MASS,
+    SLIDE_X,
+    SLIDE_Y,
+    SLIDES,
     TIP_INERTIA,
     TIP_MASS,
     W2,
@@ -31,20 +37,21 @@ from flexarm.kernels.columns import (
     P,
     S,
 )
-from flexarm.kernels.compilation.cache import compiled, unlocked
+from flexarm.kernels.compilation.cache import compiled, merged, unlocked
 from flexarm.kernels.compilation.numbers import cos, sin, sqrt
 from flexarm.kernels.forces.joint_law import joint_energy, rotor_energy
+from flexarm.kernels.kinematics import root_from_section
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 
 #: Number of columns of a pose; see the module's docstring.
-POSE_COLUMNS = 10
+POSE_COLUMNS = 16
 
 
 @compiled
 def poses(
     sizes: Sizes, constants: ArmConstants, state: Array, body_poses: Array, tip: Array
 ) -> None:
-    """Fill ``body_poses`` (n, 10) and ``tip`` (6,): x, y, angle of the last tip and their rates."""
+    """Fill ``body_poses`` (n, 16) and ``tip`` (6,): x, y, angle of the last tip and their rates."""
     c = constants
     x = 0.0
     y = 0.0
@@ -53,8 +60,14 @@ def poses(
     y_dot = 0.0
     rate = 0.0
     for i in range(len(sizes.bodies)):
-        angle = angle + c.body[i, JOINT_ANGLE] + state[0, i, 0]
-        rate = rate + state[1, i, 0]
+        turned = state[0, i, 0]
+        turning = state[1, i, 0]
+        if len(sizes.tree) > 0:
+            x, y, angle, x_dot, y_dot, rate = _root(sizes, c, i, state, body_poses)
+            turned = turned * (1.0 - c.body[i, SLIDES])
+            turning = turning * (1.0 - c.body[i, SLIDES])
+        angle = angle + c.body[i, JOINT_ANGLE] + turned
+        rate = rate + turning
         phi = 0.0
         phi_dot = 0.0
         v_tip = 0.0
@@ -91,6 +104,12 @@ def poses(
         y_dot = y_dot + sine * vx + cosine * vy
         angle = angle + phi
         rate = rate + phi_dot
+        body_poses[i, 10] = x
+        body_poses[i, 11] = y
+        body_poses[i, 12] = angle
+        body_poses[i, 13] = x_dot
+        body_poses[i, 14] = y_dot
+        body_poses[i, 15] = rate
     tip[0] = x
     tip[1] = y
     tip[2] = angle
@@ -99,11 +118,43 @@ def poses(
     tip[5] = rate
 
 
+@merged
+def _root(
+    sizes: Sizes, constants: ArmConstants, i: int, state: Array, body_poses: Array
+) -> tuple[Any, Any, Any, Any, Any, Any]:
+    """Return position of the root of body i and angle of the section below, and their rates."""
+    c = constants
+    x, y, angle, x_dot, y_dot, rate = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    carrier = sizes.joints[i, 0]
+    if carrier >= 0:
+        x, y, angle = (
+            body_poses[carrier, 10],
+            body_poses[carrier, 11],
+            body_poses[carrier, 12],
+        )
+        x_dot, y_dot, rate = (
+            body_poses[carrier, 13],
+            body_poses[carrier, 14],
+            body_poses[carrier, 15],
+        )
+    from_x, from_y = root_from_section(sizes, c, i, state)
+    turned = angle + c.body[i, JOINT_ANGLE] + state[0, i, 0] * (1.0 - c.body[i, SLIDES])
+    cosine = cos(turned)
+    sine = sin(turned)
+    along = cosine * from_x - sine * from_y
+    across = sine * from_x + cosine * from_y
+    slide_x = cosine * c.body[i, SLIDE_X] - sine * c.body[i, SLIDE_Y]
+    slide_y = sine * c.body[i, SLIDE_X] + cosine * c.body[i, SLIDE_Y]
+    x_dot = x_dot - rate * across + slide_x * state[1, i, 0]
+    y_dot = y_dot + rate * along + slide_y * state[1, i, 0]
+    return x + along, y + across, angle, x_dot, y_dot, rate
+
+
 @unlocked
 def poses_many(
     sizes: Sizes, constants: ArmConstants, states: Array, body_poses: Array, tips: Array
 ) -> None:
-    """Fill poses (k, n, 10) and tips (k, 6) of states (k, 2, n, 1 + m)."""
+    """Fill poses (k, n, 16) and tips (k, 6) of states (k, 2, n, 1 + m)."""
     for k in range(states.shape[0]):
         poses(sizes, constants, states[k], body_poses[k], tips[k])
 
@@ -127,7 +178,6 @@ def energies(
     kinetic = 0.0
     strain = 0.0
     potential = 0.0
-    last = len(sizes.bodies) - 1
     for i in range(len(sizes.bodies)):
         strain += joint_energy(sizes, c, i, state[0, i, 0])
         angle = body_poses[i, 2]
@@ -187,17 +237,14 @@ def energies(
         mx = c.body[i, MASS] * body_poses[i, 0] + cosine * first_moment - sine * s
         my = c.body[i, MASS] * body_poses[i, 1] + sine * first_moment + cosine * s
         # Mass and inertia at the tip.
-        if i == last:
-            tx = tip[0]
-            ty = tip[1]
-            tx_dot = tip[3]
-            ty_dot = tip[4]
-        else:
-            tx = body_poses[i + 1, 0]
-            ty = body_poses[i + 1, 1]
-            tx_dot = body_poses[i + 1, 3]
-            ty_dot = body_poses[i + 1, 4]
-        kinetic += rotor_energy(sizes, c, i, w - state[1, i, 0], state[1, i, 0])
+        tx = body_poses[i, 10]
+        ty = body_poses[i, 11]
+        tx_dot = body_poses[i, 13]
+        ty_dot = body_poses[i, 14]
+        carrier = w - state[1, i, 0]
+        if len(sizes.tree) > 0 and sizes.joints[i, 1] > 0:
+            carrier = w
+        kinetic += rotor_energy(sizes, c, i, carrier, state[1, i, 0])
         tip_rate = w + body_poses[i, 9]
         kinetic += 0.5 * c.body[i, TIP_MASS] * (tx_dot * tx_dot + ty_dot * ty_dot)
         kinetic += 0.5 * c.body[i, TIP_INERTIA] * tip_rate * tip_rate
@@ -218,6 +265,6 @@ def observe_many(
     tips: Array,
     energy: Array,
 ) -> None:
-    """Fill poses (k, n, 10), tips (k, 6) and energies (k, 3) of states (k, 2, n, 1 + m)."""
+    """Fill poses (k, n, 16), tips (k, 6) and energies (k, 3) of states (k, 2, n, 1 + m)."""
     for k in range(states.shape[0]):
         energies(sizes, constants, states[k], body_poses[k], tips[k], energy[k])

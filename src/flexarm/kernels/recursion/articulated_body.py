@@ -39,6 +39,7 @@ from flexarm.kernels.compilation.cache import compiled, merged
 from flexarm.kernels.forces.external import apply_loads
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.recursion.closures import meet_closures
 from flexarm.kernels.recursion.inward import inward
 from flexarm.kernels.recursion.outward import outward
 
@@ -60,6 +61,8 @@ def solve_forward(
     link_terms(sizes, constants, state, work)
     apply_loads(sizes, constants, loads, state, work)
     inward(sizes, constants, state, torque, work)
+    if len(sizes.closures) > 0:
+        meet_closures(sizes, constants, loads, state, work)
     outward(sizes, constants, loads, work)
 
 
@@ -98,6 +101,8 @@ def solve_implicit(
         for j in range(len(sizes.modes)):
             work.mode[i, j, FLEX_BIAS] -= force[i, 1 + j]
     inward(sizes, constants, state, torque, work)
+    if len(sizes.closures) > 0:
+        meet_closures(sizes, constants, loads, state, work)
     outward(sizes, constants, loads, work)
 
 

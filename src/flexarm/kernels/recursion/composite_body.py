@@ -14,6 +14,7 @@ from flexarm.kernels.columns import (
     ALPHA,
     BENT_INERTIA,
     BETA,
+    CARRIED_XX,
     COSINE,
     D0_ETA,
     DP,
@@ -26,8 +27,12 @@ from flexarm.kernels.columns import (
     MASS,
     MOMENT_MU,
     MOMENT_S,
+    ROOT_FROM_X,
+    ROOT_FROM_Y,
     ROTOR_INERTIA,
     SINE,
+    SLIDE_X,
+    SLIDE_Y,
     TIP_INERTIA,
     TIP_MASS,
     TIP_X,
@@ -39,7 +44,13 @@ from flexarm.kernels.columns import (
 from flexarm.kernels.compilation.cache import compiled, merged
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
-from flexarm.kernels.recursion.symmetric import turned
+from flexarm.kernels.recursion.symmetric import (
+    add_symmetric,
+    read_symmetric,
+    shifted,
+    turned,
+    write_symmetric,
+)
 
 
 @compiled
@@ -51,8 +62,13 @@ def mass_matrix(
     link_terms(sizes, constants, state, work)
     last = len(sizes.bodies) - 1
     Wxx, Wxy, Wyy, Wxw, Wyw, Www = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if len(sizes.tree) > 0:
+        for i in range(len(sizes.bodies)):
+            write_symmetric(work.body, i, CARRIED_XX, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     for back in range(len(sizes.bodies)):
         i = last - back
+        if len(sizes.tree) > 0:
+            Wxx, Wxy, Wyy, Wxw, Wyw, Www = read_symmetric(work.body, i, CARRIED_XX)
         Wxx = Wxx + c.body[i, TIP_MASS]
         Wyy = Wyy + c.body[i, TIP_MASS]
         Www = Www + c.body[i, TIP_INERTIA]
@@ -74,8 +90,15 @@ def mass_matrix(
         if len(sizes.joint_laws) > 0:
             rotor = c.body[i, ROTOR_INERTIA]
             geared = c.body[i, ROTOR_INERTIA] * c.body[i, GEAR_RATIO]
-        M[i, 0, i, 0] = free * (Hww + geared * c.body[i, GEAR_RATIO]) + (1.0 - free)
-        _carry(sizes, c, work, M, i, 0, Hxw * free, Hyw * free, (Hww + geared) * free)
+        # Wrench of a unit acceleration of the joint, and its part that the joint does not transmit.
+        jx, jy, jw, own = Hxw, Hyw, Hww, Hww
+        if len(sizes.tree) > 0 and sizes.joints[i, 1] > 0:
+            jx = c.body[i, SLIDE_X] * Hxx + c.body[i, SLIDE_Y] * Hxy
+            jy = c.body[i, SLIDE_X] * Hxy + c.body[i, SLIDE_Y] * Hyy
+            jw = c.body[i, SLIDE_X] * Hxw + c.body[i, SLIDE_Y] * Hyw
+            own = c.body[i, SLIDE_X] * jx + c.body[i, SLIDE_Y] * jy
+        M[i, 0, i, 0] = free * (own + geared * c.body[i, GEAR_RATIO]) + (1.0 - free)
+        _carry(sizes, c, work, M, i, 0, jx * free, jy * free, (jw + geared) * free)
         for j in range(len(sizes.modes)):
             deflection = c.mode[i, j, P]
             slope = c.mode[i, j, DP]
@@ -99,8 +122,8 @@ def mass_matrix(
                     bx = px - work.mode[i, k, D0_ETA]
             by = py + c.mode[i, j, S]
             bw = x_tip * py - v_tip * px + pw + turning
-            M[i, 1 + j, i, 0] = free * bw
-            M[i, 0, i, 1 + j] = free * bw
+            M[i, 0, i, 1 + j] = free * _along_joint(sizes, c, i, bx, by, bw)
+            M[i, 1 + j, i, 0] = M[i, 0, i, 1 + j]
             for k in range(len(sizes.modes)):
                 M[i, 1 + k, i, 1 + j] = c.mode[i, k, P] * py + c.mode[i, k, DP] * pw
             for k in range(len(sizes.geometric)):
@@ -109,7 +132,21 @@ def mass_matrix(
             M[i, 1 + j, i, 1 + j] += 1.0
             _carry(sizes, c, work, M, i, 1 + j, bx, by, bw)
         H = (Hxx, Hxy, Hyy, Hxw, Hyw, Hww + rotor)
-        Wxx, Wxy, Wyy, Wxw, Wyw, Www = turned(H, work.body[i, COSINE], work.body[i, SINE])
+        if len(sizes.tree) > 0:
+            H = shifted(H, work.body[i, ROOT_FROM_X], work.body[i, ROOT_FROM_Y])
+        W = turned(H, work.body[i, COSINE], work.body[i, SINE])
+        Wxx, Wxy, Wyy, Wxw, Wyw, Www = W
+        if len(sizes.tree) > 0 and sizes.joints[i, 0] >= 0:
+            add_symmetric(work.body, sizes.joints[i, 0], CARRIED_XX, W)
+
+
+@merged
+def _along_joint(sizes: Sizes, constants: ArmConstants, i: int, x: Any, y: Any, moment: Any) -> Any:
+    """Return the generalised force on the joint of body i of a wrench at its root."""
+    force = moment
+    if len(sizes.tree) > 0 and sizes.joints[i, 1] > 0:
+        force = constants.body[i, SLIDE_X] * x + constants.body[i, SLIDE_Y] * y
+    return force
 
 
 @merged
@@ -126,9 +163,14 @@ def _carry(
 ) -> None:
     """Transmit the root wrench (rx, ry, rw) of one coordinate to the base and fill M."""
     c = constants
+    outer = body
     for back in range(body):
-        outer = body - back
-        i = outer - 1
+        i = body - back - 1
+        if len(sizes.tree) > 0:
+            i = sizes.joints[outer, 0]
+            if i < 0:
+                break
+            rw = rw + work.body[outer, ROOT_FROM_X] * ry - work.body[outer, ROOT_FROM_Y] * rx
         cosine = work.body[outer, COSINE]
         sine = work.body[outer, SINE]
         kx = cosine * rx - sine * ry
@@ -141,7 +183,8 @@ def _carry(
         rx = kx
         ry = ky
         rw = kw + work.body[i, TIP_X] * ky - work.body[i, TIP_Y] * kx
-        M[i, 0, body, column] = c.body[i, FREE] * rw
+        M[i, 0, body, column] = c.body[i, FREE] * _along_joint(sizes, c, i, rx, ry, rw)
         M[body, column, i, 0] = M[i, 0, body, column]
         for j in range(len(sizes.modes)):
             M[body, column, i, 1 + j] = M[i, 1 + j, body, column]
+        outer = i

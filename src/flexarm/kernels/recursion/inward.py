@@ -11,7 +11,10 @@ from flexarm.kernels.compilation.cache import merged
 from flexarm.kernels.forces.joint_law import bristle_rate, passive_torque
 from flexarm.kernels.layout import ArmConstants, Array, Sizes, Workspace
 from flexarm.kernels.recursion.symmetric import (
+    add_symmetric,
     product,
+    read_symmetric,
+    shifted,
     softened,
     transformed,
     turned,
@@ -21,13 +24,16 @@ from flexarm.kernels.recursion.symmetric import (
 
 # isort: off
 from flexarm.kernels.columns import (
-    A, ALPHA, BENT_N_XX, BENT_RESIDUAL, BETA, COSINE, D0_ETA, DP, DRIFT_W, DRIFT_X, DRIFT_Y,
-    FLEX_BIAS, FREE, FX, GAIN_WK, GAIN_XK, GAIN_XX, GAIN_YK, GEAR_RATIO, HUB, INVERSE_MASS,
-    JOINT_ADDED, JOINT_DRIVE, JOINT_GIVEN, JOINT_INVERSE, JOINT_UW, JOINT_UX, JOINT_UY, LENGTH,
-    MASS, MEAN_FX, MEAN_LAG, MEAN_LEFT, MEAN_RATES, MEAN_W, MEAN_Y, MODE_MOBILITY, MOMENT_S,
-    N_WW, N_YW, N_YY, P, RESIDUAL_TIP_WW, RESIDUAL_TIP_WY, RESIDUAL_TIP_YW, RESIDUAL_TIP_YY,
-    RESIDUAL_WW, RESIDUAL_YW, RESIDUAL_YY, ROOT_BIAS_W, ROOT_BIAS_X, ROOT_BIAS_Y, ROTOR_INERTIA,
-    S, SINE, TIP_BIAS_X, TIP_BIAS_Y, TIP_INERTIA, TIP_MASS, TIP_X, TIP_Y, TRANSFER_XX,
+    A, ALPHA, BENT_N_XX, BENT_RESIDUAL, BETA, CARRIED_KW, CARRIED_KX, CARRIED_KY, CARRIED_XX,
+    COSINE, D0_ETA, DP, DRIFT_W, DRIFT_X, DRIFT_Y, FLEX_BIAS, FREE, FX, GAIN_WK, GAIN_XK, GAIN_XX,
+    GAIN_YK, GEAR_RATIO, HUB, INVERSE_MASS, JOINT_ADDED, JOINT_BIAS_X, JOINT_BIAS_Y, JOINT_DRIVE,
+    JOINT_GIVEN, JOINT_INERTIA, JOINT_INVERSE, JOINT_UW, JOINT_UX, JOINT_UY,
+    LENGTH, MASS, MEAN_FX, MEAN_LAG,
+    MEAN_LEFT, MEAN_RATES, MEAN_W, MEAN_Y, MODE_MOBILITY, MOMENT_S, N_WW, N_YW, N_YY, P,
+    RESIDUAL_TIP_WW, RESIDUAL_TIP_WY, RESIDUAL_TIP_YW, RESIDUAL_TIP_YY, RESIDUAL_WW, RESIDUAL_YW,
+    RESIDUAL_YY, ROOT_BIAS_W, ROOT_BIAS_X, ROOT_BIAS_Y, ROOT_FROM_X, ROOT_FROM_Y, ROTOR_INERTIA, S,
+    SINE, SLIDE_X, SLIDE_Y, TIP_BIAS_X, TIP_BIAS_Y, TIP_INERTIA, TIP_MASS, TIP_X, TIP_Y,
+    TRANSFER_XX,
 )  # fmt: skip
 # isort: on
 
@@ -151,6 +157,8 @@ def _past_joint(
 
     A joint that is not free transmits all forces.
     """
+    if len(sizes.tree) > 0 and sizes.joints[i, 1] > 0:
+        return _past_slide(sizes, constants, i, state, torque, H, h, work)
     c = constants
     Hxx, Hxy, Hyy, Hxw, Hyw, Hww = H
     hx, hy, hw = h
@@ -173,6 +181,7 @@ def _past_joint(
     work.body[i, JOINT_UX] = Hxw
     work.body[i, JOINT_UY] = Hyw
     work.body[i, JOINT_UW] = Uw
+    work.body[i, JOINT_INERTIA] = Uw
     work.body[i, JOINT_INVERSE] = inverse
     work.body[i, JOINT_DRIVE] = drive
     work.body[i, JOINT_GIVEN] = given
@@ -192,6 +201,67 @@ def _past_joint(
 
 
 @merged
+def _past_slide(
+    sizes: Sizes, constants: ArmConstants, i: int, state: Array, torque: Array, H: Any, h: Any,
+    work: Workspace,
+) -> Any:  # fmt: skip
+    """Return the same after a joint that slides, (M.6): in axes along and across it, and back."""
+    c = constants
+    along_x = c.body[i, SLIDE_X]
+    along_y = c.body[i, SLIDE_Y]
+    Gxx, Gxy, Gyy, Gxw, Gyw, Gww = turned(H, along_x, -along_y)
+    hx, hy, hw = h
+    gx = along_x * hx + along_y * hy
+    gy = along_x * hy - along_y * hx
+    free = c.body[i, FREE]
+    lag = c.body[i, JOINT_ADDED]  # D - Gxx
+    rJ = 0.0
+    J = 0.0
+    if len(sizes.joint_laws) > 0:
+        J = c.body[i, ROTOR_INERTIA]
+        rJ = c.body[i, GEAR_RATIO] * J
+        lag += c.body[i, GEAR_RATIO] * rJ
+    inverse = free / (Gxx + lag + (1.0 - free))
+    held = (1.0 - free) + lag * inverse
+    given = torque[i] * (1.0 - free)
+    passive = passive_torque(sizes, c, i, state, work)
+    drive = torque[i] + passive - gx
+    Uw = Gxw + rJ
+    work.body[i, JOINT_UX] = along_x * Gxx - along_y * Gxy
+    work.body[i, JOINT_UY] = along_y * Gxx + along_x * Gxy
+    work.body[i, JOINT_UW] = Uw
+    work.body[i, JOINT_INERTIA] = Gxx
+    work.body[i, JOINT_INVERSE] = inverse
+    work.body[i, JOINT_DRIVE] = drive
+    work.body[i, JOINT_GIVEN] = given
+    # Along the joint, products avoid the difference of the large numbers Gxx and Gxx^2 / D.
+    R = (
+        Gxx * held,
+        Gxy * held,
+        Gyy - Gxy * Gxy * inverse,
+        Gxw * held - Gxx * rJ * inverse,
+        Gyw - Gxy * Uw * inverse,
+        Gww + J - Uw * Uw * inverse,
+    )
+    moved = drive * inverse + given
+    kx = gx + Gxx * given + drive * (free - lag * inverse)
+    ky = gy + Gxy * moved
+    rx = along_x * kx - along_y * ky
+    ry = along_y * kx + along_x * ky
+    return turned(R, along_x, along_y), (rx, ry, hw + Uw * moved)
+
+
+@merged
+def _biased(H: Any, h: Any, i: int, work: Workspace) -> Any:
+    """Return the bias h with the velocity products of the joint of body i."""
+    Hxx, Hxy, Hyy, Hxw, Hyw, _ = H
+    hx, hy, hw = h
+    x = work.body[i, JOINT_BIAS_X]
+    y = work.body[i, JOINT_BIAS_Y]
+    return hx + Hxx * x + Hxy * y, hy + Hxy * x + Hyy * y, hw + Hxw * x + Hyw * y
+
+
+@merged
 def inward(
     sizes: Sizes,
     constants: ArmConstants,
@@ -204,8 +274,18 @@ def inward(
     last = len(sizes.bodies) - 1
     Wxx, Wxy, Wyy, Wxw, Wyw, Www = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     kx, ky, kw = 0.0, 0.0, 0.0
+    if len(sizes.tree) > 0:
+        for i in range(len(sizes.bodies)):
+            write_symmetric(work.body, i, CARRIED_XX, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+            work.body[i, CARRIED_KX] = 0.0
+            work.body[i, CARRIED_KY] = 0.0
+            work.body[i, CARRIED_KW] = 0.0
     for back in range(len(sizes.bodies)):
         i = last - back
+        if len(sizes.tree) > 0:
+            Wxx, Wxy, Wyy, Wxw, Wyw, Www = read_symmetric(work.body, i, CARRIED_XX)
+            kx, ky = work.body[i, CARRIED_KX], work.body[i, CARRIED_KY]
+            kw = work.body[i, CARRIED_KW]
         Wxx = Wxx + c.body[i, TIP_MASS]
         Wyy = Wyy + c.body[i, TIP_MASS]
         Www = Www + c.body[i, TIP_INERTIA]
@@ -245,9 +325,25 @@ def inward(
         work.body[i, DRIFT_W] = -zw
 
         H_all = transformed(H, T, g)
-        R, r = _past_joint(sizes, c, i, state, torque, H_all, (hx, hy, hw), work)
+        h_all = (hx, hy, hw)
+        if len(sizes.tree) > 0:
+            h_all = _biased(H_all, h_all, i, work)
+        R, r = _past_joint(sizes, c, i, state, torque, H_all, h_all, work)
         rx, ry, kw = r
+        if len(sizes.tree) > 0:
+            x = work.body[i, ROOT_FROM_X]
+            y = work.body[i, ROOT_FROM_Y]
+            R = shifted(R, x, y)
+            kw = kw + x * ry - y * rx
+        if len(sizes.closures) > 0:
+            write_symmetric(work.body, i, CARRIED_XX, Y)
         cosine, sine = work.body[i, COSINE], work.body[i, SINE]
         Wxx, Wxy, Wyy, Wxw, Wyw, Www = turned(R, cosine, sine)
         kx = cosine * rx - sine * ry
         ky = sine * rx + cosine * ry
+        if len(sizes.tree) > 0 and sizes.joints[i, 0] >= 0:
+            carrier = sizes.joints[i, 0]
+            add_symmetric(work.body, carrier, CARRIED_XX, (Wxx, Wxy, Wyy, Wxw, Wyw, Www))
+            work.body[carrier, CARRIED_KX] += kx
+            work.body[carrier, CARRIED_KY] += ky
+            work.body[carrier, CARRIED_KW] += kw

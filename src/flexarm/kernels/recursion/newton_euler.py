@@ -8,17 +8,21 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm.kernels.compilation.cache import compiled, merged
+from flexarm.kernels.forces.contact import place_bodies
 from flexarm.kernels.forces.external import apply_loads
 from flexarm.kernels.forces.joint_law import passive_torque, rotor_moment
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.recursion.closures import closure_rows, closure_wrench
+from flexarm.kernels.recursion.outward import carrier_acceleration
 
 # isort: off
 from flexarm.kernels.columns import (
-    A, ALPHA, BENT_INERTIA, BETA, COSINE, D0_ETA, DP, FIRST_MOMENT_X, FLEX_BIAS, FREE, FX,
-    GEAR_RATIO, GRAVITY_X, GRAVITY_Y, INERTIA, INVERSE_MASS, MASS, MEAN_RATES, MOMENT_MU,
-    MOMENT_S, P, ROOT_ACCELERATION_W, ROOT_ACCELERATION_X, ROOT_ACCELERATION_Y, ROOT_BIAS_W,
-    ROOT_BIAS_X, ROOT_BIAS_Y, S, SINE, TIP_ACCELERATION_W, TIP_ACCELERATION_X,
+    A, ALPHA, BENT_INERTIA, BETA, CARRIED_KW, CARRIED_KX, CARRIED_KY, COSINE, D0_ETA, DP,
+    FIRST_MOMENT_X, FLEX_BIAS, FREE, FX, GEAR_RATIO, GRAVITY_X, GRAVITY_Y, INERTIA, INVERSE_MASS,
+    JOINT_BIAS_X, JOINT_BIAS_Y, MASS, MEAN_RATES, MOMENT_MU, MOMENT_S, P, ROOT_ACCELERATION_W,
+    ROOT_ACCELERATION_X, ROOT_ACCELERATION_Y, ROOT_BIAS_W, ROOT_BIAS_X, ROOT_BIAS_Y, ROOT_FROM_X,
+    ROOT_FROM_Y, S, SINE, SLIDES, SLIDE_X, SLIDE_Y, TIP_ACCELERATION_W, TIP_ACCELERATION_X,
     TIP_ACCELERATION_Y, TIP_BIAS_X, TIP_BIAS_Y, TIP_INERTIA, TIP_MASS, TIP_X, TIP_Y, WRENCH_W,
     WRENCH_X, WRENCH_Y,
 )  # fmt: skip
@@ -37,11 +41,15 @@ def inverse_dynamics(
     """Write generalised forces (n, 1 + m) into ``work.force`` and reactions into WRENCH columns.
 
     ``acceleration`` (n, 1 + m). The force is M qdd + bias, including stiffness, damping and
-    gravity. The wrench (n, 3) is that of the joint on its body, at the joint, in the body's axes.
+    gravity, less the forces of closures for the multipliers in ``work.closure``. The wrench (n, 3)
+    is that of the joint on its body, at the joint, in the body's axes.
     """
     link_terms(sizes, constants, state, work)
     apply_loads(sizes, constants, loads, state, work)
     _accelerations(sizes, constants, acceleration, loads, work)
+    if len(sizes.closures) > 0:
+        place_bodies(sizes, constants, state, work)
+        closure_rows(sizes, constants, work)
     _wrenches(sizes, constants, state, acceleration, work)
 
 
@@ -51,16 +59,27 @@ def _accelerations(
 ) -> None:
     """Compute, outwards, accelerations of each body's root and tip, in the body's axes."""
     c = constants
-    Ax = loads.base_acceleration[0] - c.arm[GRAVITY_X]
-    Ay = loads.base_acceleration[1] - c.arm[GRAVITY_Y]
+    ground_x = loads.base_acceleration[0] - c.arm[GRAVITY_X]
+    ground_y = loads.base_acceleration[1] - c.arm[GRAVITY_Y]
+    Ax = ground_x
+    Ay = ground_y
     Aw = 0.0
     for i in range(len(sizes.bodies)):
+        if len(sizes.tree) > 0:
+            Ax, Ay, Aw = carrier_acceleration(sizes, i, ground_x, ground_y, work)
         cosine = work.body[i, COSINE]
         sine = work.body[i, SINE]
         turned = cosine * Ax + sine * Ay
         Ay = cosine * Ay - sine * Ax
         Ax = turned
-        Aw = Aw + acceleration[i, 0]
+        turning = acceleration[i, 0]
+        if len(sizes.tree) > 0:
+            Ax = Ax - Aw * work.body[i, ROOT_FROM_Y] + work.body[i, JOINT_BIAS_X]
+            Ay = Ay + Aw * work.body[i, ROOT_FROM_X] + work.body[i, JOINT_BIAS_Y]
+            Ax = Ax + c.body[i, SLIDE_X] * acceleration[i, 0]
+            Ay = Ay + c.body[i, SLIDE_Y] * acceleration[i, 0]
+            turning = turning * (1.0 - c.body[i, SLIDES])
+        Aw = Aw + turning
         work.body[i, ROOT_ACCELERATION_X] = Ax
         work.body[i, ROOT_ACCELERATION_Y] = Ay
         work.body[i, ROOT_ACCELERATION_W] = Aw
@@ -151,16 +170,35 @@ def _wrenches(
     kx = 0.0
     ky = 0.0
     kw = 0.0
+    if len(sizes.tree) > 0:
+        for i in range(len(sizes.bodies)):
+            work.body[i, CARRIED_KX] = 0.0
+            work.body[i, CARRIED_KY] = 0.0
+            work.body[i, CARRIED_KW] = 0.0
     for back in range(len(sizes.bodies)):
         i = last - back
+        if len(sizes.tree) > 0:
+            kx, ky = work.body[i, CARRIED_KX], work.body[i, CARRIED_KY]
+            kw = work.body[i, CARRIED_KW]
         kx = kx + c.body[i, TIP_MASS] * work.body[i, TIP_ACCELERATION_X]
         ky = ky + c.body[i, TIP_MASS] * work.body[i, TIP_ACCELERATION_Y]
         kw = kw + c.body[i, TIP_INERTIA] * work.body[i, TIP_ACCELERATION_W]
+        for row in range(len(sizes.closures)):
+            fx, fy, fw = closure_wrench(sizes, row, i, work)
+            kx = kx - fx
+            ky = ky - fy
+            kw = kw - fw
         rx, ry, rw = body_wrench(sizes, c, i, acceleration, kx, ky, kw, work)
         passive = passive_torque(sizes, c, i, state, work)
         relative = acceleration[i, 0]
-        rotor = rotor_moment(sizes, c, i, work.body[i, ROOT_ACCELERATION_W] - relative, relative)
-        work.force[i, 0] = c.body[i, FREE] * (rw + c.body[i, GEAR_RATIO] * rotor - passive)
+        carrier = work.body[i, ROOT_ACCELERATION_W] - relative
+        needed = rw
+        if len(sizes.tree) > 0:
+            turns = 1.0 - c.body[i, SLIDES]
+            carrier = work.body[i, ROOT_ACCELERATION_W] - turns * relative
+            needed = turns * rw + c.body[i, SLIDE_X] * rx + c.body[i, SLIDE_Y] * ry
+        rotor = rotor_moment(sizes, c, i, carrier, relative)
+        work.force[i, 0] = c.body[i, FREE] * (needed + c.body[i, GEAR_RATIO] * rotor - passive)
         work.body[i, WRENCH_X] = rx
         work.body[i, WRENCH_Y] = ry
         work.body[i, WRENCH_W] = rw
@@ -169,6 +207,12 @@ def _wrenches(
         kx = cosine * rx - sine * ry
         ky = sine * rx + cosine * ry
         kw = rw + rotor
+        if len(sizes.tree) > 0:
+            kw = kw + work.body[i, ROOT_FROM_X] * ry - work.body[i, ROOT_FROM_Y] * rx
+            if sizes.joints[i, 0] >= 0:
+                work.body[sizes.joints[i, 0], CARRIED_KX] += kx
+                work.body[sizes.joints[i, 0], CARRIED_KY] += ky
+                work.body[sizes.joints[i, 0], CARRIED_KW] += kw
 
 
 @compiled

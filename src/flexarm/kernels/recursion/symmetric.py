@@ -94,11 +94,36 @@ def turned(R: Any, cosine: Any, sine: Any) -> Any:
 
 
 @merged
+def shifted(R: Any, x: Any, y: Any) -> Any:
+    """Return the inertia R about a point from which its own point of reference is at (x, y)."""
+    Rxx, Rxy, Ryy, Rxw, Ryw, Rww = R
+    Wxw = Rxw + x * Rxy - y * Rxx
+    Wyw = Ryw + x * Ryy - y * Rxy
+    return Rxx, Rxy, Ryy, Wxw, Wyw, Rww + x * (Ryw + Wyw) - y * (Rxw + Wxw)
+
+
+@merged
+def read_symmetric(columns: Any, i: int, first: int) -> Any:
+    """Return the symmetric matrix in the six columns from ``first`` on of row i."""
+    Nxx, Nxy, Nyy = columns[i, first], columns[i, first + 1], columns[i, first + 2]
+    return Nxx, Nxy, Nyy, columns[i, first + 3], columns[i, first + 4], columns[i, first + 5]
+
+
+@merged
 def write_symmetric(columns: Any, i: int, first: int, N: Any) -> None:
     """Write a symmetric matrix into the six columns from ``first`` on of row i."""
     Nxx, Nxy, Nyy, Nxw, Nyw, Nww = N
     columns[i, first], columns[i, first + 1], columns[i, first + 2] = Nxx, Nxy, Nyy
     columns[i, first + 3], columns[i, first + 4], columns[i, first + 5] = Nxw, Nyw, Nww
+
+
+@merged
+def add_symmetric(columns: Any, i: int, first: int, N: Any) -> None:
+    """Add a symmetric matrix to the six columns from ``first`` on of row i."""
+    Mxx, Mxy, Myy, Mxw, Myw, Mww = read_symmetric(columns, i, first)
+    Nxx, Nxy, Nyy, Nxw, Nyw, Nww = N
+    M = (Mxx + Nxx, Mxy + Nxy, Myy + Nyy, Mxw + Nxw, Myw + Nyw, Mww + Nww)
+    write_symmetric(columns, i, first, M)
 
 
 @merged

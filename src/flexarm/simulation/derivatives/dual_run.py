@@ -42,6 +42,8 @@ class ArmInputs(NamedTuple):
     mode: Array
     centrifugal: Array
     shortening: Array
+    closure: Array
+    ends: Array
     gauges: Array  # (gauges, m) strain per modal coordinate
     load_weight: Array
     load_lever: Array
@@ -55,7 +57,7 @@ class ArmInputs(NamedTuple):
     @property
     def constants(self) -> ArmConstants:
         """The constants of the arm."""
-        return ArmConstants(*self[:5])
+        return ArmConstants(*self[:7])
 
 
 class Inputs(NamedTuple):

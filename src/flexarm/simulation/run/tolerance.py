@@ -98,10 +98,10 @@ def _unit(arm: Arm) -> FloatArray:
     """Return coordinates and rates (2, n, 1 + m) per metre of tip displacement."""
     c = arm.assembly.constants
     n, m = c.S.shape
-    reach = np.cumsum(c.length[::-1])[::-1]
-    beyond = np.append(reach[1:], 0.0)
+    reach, beyond = reaches(c)
     unit = np.ones((2, n, 1 + m))
-    unit[0, :, 0] = 1.0 / np.maximum(reach, 1e-3 * reach[0])
+    unit[0, :, 0] = 1.0 / np.maximum(reach, 1e-3 * reach.max())
+    unit[0, c.slides > 0.0, 0] = 1.0
     real = c.w2 > 0.0
     # A massless body (a lever, or the motor side of an elastic joint) has no modes.
     interior = _INTERIOR / np.sqrt(np.where(c.mass > 0.0, c.mass, 1.0))
@@ -116,6 +116,18 @@ def _unit(arm: Arm) -> FloatArray:
         unit[0, :, -1] = np.inf
         unit[1, :, -1] = np.where(root > 0.0, root * unit[0, :, 0], np.inf)
     return unit
+
+
+def reaches(constants: ArmConstants) -> tuple[FloatArray, FloatArray]:
+    """Return how far the straight bodies reach from the root and from the tip of each, (n,) m."""
+    beyond = np.zeros(constants.length.size)
+    reach = constants.length.copy()
+    for i in reversed(range(beyond.size)):
+        reach[i] += beyond[i]
+        carrier = int(constants.parent[i])
+        if carrier >= 0:
+            beyond[carrier] = max(beyond[carrier], np.hypot(*constants.place[i]) + reach[i])
+    return reach, beyond
 
 
 def fastest_frequency(arm: Arm, state: FloatArray) -> float:

@@ -1,0 +1,71 @@
+"""Projection of the end of a step onto the closures of a mechanism.
+
+Theory page "mechanisms", (M.17), (M.18). Positions and rates move by the least amount in the norm
+of the operator of the method: the mass matrix, or that of an implicit step. In the norm of the mass
+matrix, a correction would move the fastest vibrations, whose forces an implicit step does not
+resolve.
+"""
+
+from __future__ import annotations
+
+from flexarm.integrate.base import System
+from flexarm.integrate.memory import EVALUATIONS, Memory
+from flexarm.kernels.columns import GAP, GAP_RATE
+from flexarm.kernels.compilation.cache import apart, compiled, merged
+from flexarm.kernels.compilation.numbers import real
+from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
+from flexarm.kernels.recursion.articulated_body import forward_dynamics
+from flexarm.kernels.recursion.closures import closure_gaps, closure_response, solve_rows
+
+#: Rounds of a projection. The matrix of the first is kept, so that gaps decrease in each by the
+#: ratio of the gap to the size of the mechanism; the rounds end when they no longer decrease.
+_ROUNDS = 8
+
+
+@merged
+def _largest(sizes: Sizes, work: Workspace, column: int) -> float:
+    largest = 0.0
+    for c in range(len(sizes.closures)):
+        largest = max(largest, abs(real(work.closure[c, column])))
+    return largest
+
+
+@merged
+def _move(
+    sizes: Sizes, constants: ArmConstants, state: Array, level: int, column: int, work: Workspace
+) -> None:
+    """Correct coordinates (level 0) or rates (1) by the gaps or their rates."""
+    solve_rows(sizes, work, column)
+    closure_response(sizes, constants, work)
+    for i in range(len(sizes.bodies)):
+        for j in range(1 + len(sizes.modes)):
+            state[level, i, j] += work.acceleration[i, j]
+
+
+@compiled
+def close_state(
+    sizes: Sizes, constants: ArmConstants, state: Array, torque: Array, loads: Loads,
+    work: Workspace,
+) -> None:  # fmt: skip
+    """Move a state (2, n, 1 + m) onto the closures: positions first, then rates.
+
+    ``torque`` (n,) and ``loads`` do not matter. ``constants`` may be those of an implicit step.
+    """
+    forward_dynamics(sizes, constants, state, torque, loads, work)
+    gap = _largest(sizes, work, GAP)
+    for _ in range(_ROUNDS):
+        _move(sizes, constants, state, 0, GAP, work)
+        closure_gaps(sizes, constants, state, work)
+        before = gap
+        gap = _largest(sizes, work, GAP)
+        if not gap < 0.5 * before:
+            break
+    forward_dynamics(sizes, constants, state, torque, loads, work)
+    _move(sizes, constants, state, 1, GAP_RATE, work)
+
+
+@apart
+def close_step(system: System, constants: ArmConstants, memory: Memory) -> None:
+    """Move the end ``memory.new`` of an accepted step onto the closures."""
+    close_state(system.sizes, constants, memory.new, memory.torque, system.drive.loads, system.work)
+    memory.counts[EVALUATIONS] += 2
