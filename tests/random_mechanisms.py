@@ -260,12 +260,12 @@ def _base(rng: np.random.Generator, scale: Scale, links: int) -> Base | None:
 
 def _closures(rng: np.random.Generator, fields: dict[str, Any], scale: Scale) -> list[Closure]:
     """Draw closures that hold at zero coordinates and are independent there."""
-    oracle = MechanismOracle(ArmSpec(**fields), precision=np.float64)
+    opened = MechanismOracle(ArmSpec(**fields), precision=np.float64)
     count = int(rng.integers(1, 3))
     for _ in range(100):
-        drawn = [_closure(rng, oracle) for _ in range(count)]
-        oracle.spec = oracle.spec.replace(closures=drawn)  # nothing else depends on closures
-        if _independent(oracle, scale):
+        drawn = [_closure(rng, opened) for _ in range(count)]
+        spec = opened.spec.replace(closures=drawn)
+        if _independent(MechanismOracle(spec, precision=np.float64), scale):
             return drawn
         count = 1
     raise ValueError("no independent closures found")
