@@ -252,7 +252,8 @@ def _base(rng: np.random.Generator, scale: Scale, links: int) -> Base | None:
     if decide(rng, None, 0.4):
         # Periods of the base on its springs as of a pendulum, or shorter.
         squared = scale.rate**2 * float(rng.uniform(1.0, 100.0))
-        weights = np.array([mass, mass, fields["inertia"]])
+        free = [name in names for name in ("x", "y", "angle")]
+        weights = np.where(free, [mass, mass, fields["inertia"]], 0.0)
         fields["stiffness"] = tuple((weights * squared).tolist())
         fields["damping"] = tuple((weights * 0.1 * squared**0.5).tolist())
     return Base(free=tuple(names), **fields)
