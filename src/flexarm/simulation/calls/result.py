@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.observe import bristle_channel, channels_of, contact_channels
 from flexarm.integrate.base import FloatArray
 from flexarm.model import file_text
@@ -121,7 +122,8 @@ def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> _Labe
     """Return the labels of a result: those of an earlier one with the same labels, or new ones."""
     shapes = {name: array.shape for name, array in values.items()}
     numbers = tuple(arm.joint_numbers.tolist())
-    key = (_coordinate_names(arm), numbers, arm.links, _gauge_names(arm), *shapes.items())
+    names = (*_coordinate_names(arm), *turning_joints(arm).tolist())
+    key = (names, numbers, arm.links, _gauge_names(arm), *shapes.items())
     labels = _kept_labels.get(key)
     if labels is None or not np.array_equal(labels.times, times):
         times = times.copy()
@@ -139,7 +141,7 @@ def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.
     import xarray as xr
 
     variables = {
-        name: (("time", *CHANNELS[name].dims), array, _channel_labels(name))
+        name: (("time", *CHANNELS[name].dims), array, channel_labels(arm, name))
         for name, array in values.items()
     }
     stations = values["bending_moment"].shape[-1] if "bending_moment" in values else 0
@@ -162,7 +164,7 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
     dataset.attrs |= loop.report()
     if "torque_command" not in dataset.variables:
         command = loop.command_at(dataset["time"].values)
-        labels = _channel_labels("torque_command")
+        labels = channel_labels(loop.run.arm, "torque_command")
         dataset["torque_command"] = (("time", "joint"), command, labels)
     if loop.hardware is None:
         return dataset
@@ -203,8 +205,18 @@ def add_readings(
     return dataset.assign_coords(tick_time=ticks)
 
 
-def _channel_labels(name: str) -> dict[str, str]:
-    return {"units": CHANNELS[name].unit, "long_name": CHANNELS[name].meaning}
+#: Units of sliding joints by those of joints that turn.
+_SLIDING = {"rad": "m", "rad/s": "m/s", "N m": "N"}
+
+
+def channel_labels(arm: Arm, name: str) -> dict[str, str]:
+    """Return the attributes of a channel of an arm, which may have joints that slide."""
+    unit, turning = CHANNELS[name].unit, turning_joints(arm)
+    if "joint" in CHANNELS[name].dims and not turning.all():
+        unit = f"{unit} or {_SLIDING[unit]}" if turning.any() else _SLIDING[unit]
+    elif name in ("q", "qd") and arm.assembly.constants.slides.any():
+        unit = unit.replace(" or ", ", m or " if name == "q" else ", m/s or ")
+    return {"units": unit, "long_name": CHANNELS[name].meaning}
 
 
 def coordinates_of(
@@ -226,6 +238,9 @@ def coordinates_of(
             {"long_name": "generalised coordinate"},
         ),
     }
+    if arm.assembly.base:
+        meaning = "coordinate of the base"
+        coordinates["direction"] = ("direction", ["x", "y", "angle"], {"long_name": meaning})
     if arm.gauges:
         coordinates["gauge"] = ("gauge", list(_gauge_names(arm)), {"long_name": "strain gauge"})
     if stations:
@@ -239,13 +254,15 @@ def coordinates_of(
 
 def _coordinate_names(arm: Arm) -> tuple[str, ...]:
     names = [""] * arm.dof
+    for coordinate in arm.assembly.base:
+        names[coordinate.index] = f"base_{coordinate.name}"
     for seat in arm.assembly.seats:
         names[seat.angle] = f"joint_{seat.link + 1}"
         if seat.twist is not None:
             names[seat.twist] = f"joint_{seat.link + 1}_twist"
     for piece in arm.assembly.pieces:
         label = f"link_{piece.link + 1}"
-        if arm.spec.links[piece.link].segments > 1:
+        if len(arm.assembly.pieces_of(piece.link)) > 1:
             label += f"_segment_{piece.body - arm.assembly.link_body[piece.link] + 1}"
         for mode, place in enumerate(range(arm.dof)[piece.modal], start=1):
             names[place] = f"{label}_mode_{mode}"

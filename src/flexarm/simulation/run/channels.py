@@ -38,6 +38,8 @@ _TABLE = (
     ),
     Channel("shear_force", ("link", "station"), "N", "shear force inside the link"),
     Channel("bending_moment", ("link", "station"), "N m", "moment inside the link, EI v'' at rest"),
+    Channel("base_position", ("direction",), "m or rad", "x, y and angle of a base that moves"),
+    Channel("base_velocity", ("direction",), "m/s or rad/s", "rates of x, y and angle of the base"),
     Channel("kinetic_energy", (), "J", "kinetic energy"),
     Channel("strain_energy", (), "J", "strain energy of bending"),
     Channel("gravity_energy", (), "J", "gravity energy, zero at the base joint"),

@@ -256,7 +256,7 @@ def returns_to_surface(
         return True
     before = np.logical_or.accumulate(inside)
     after = np.logical_or.accumulate(inside[::-1])[::-1]
-    return bool(np.any(before & after & (gap > _LIFTED * arm.lengths.sum())))
+    return bool(np.any(before & after & (gap > _LIFTED * arm.reach)))
 
 
 def may_grow(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flexarm.arm.actions import EMPTY, Environment, loads_inboard
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import joint_roots
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import cuts_at
 from flexarm.base.errors import FlexarmWarning, SimulationError
@@ -213,7 +214,7 @@ class Run:
             reactions_many(system, *now, torques[part], *motion, wrench[part], motor[part])
             for section, cut, forces in zip(sections, cuts, inside[:, part], strict=True):
                 section_forces_many(section, cut.stations, *now, *motion, wrench[part], forces)
-        bodies = arm.assembly.link_body
+        bodies = joint_roots(arm)
         cosine, sine = np.cos(angle), np.sin(angle)
         x, y = wrench[:, bodies, 0], wrench[:, bodies, 1]
         force = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=2)
