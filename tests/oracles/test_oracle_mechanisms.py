@@ -115,7 +115,8 @@ def in_two(theory, kind):
     )
     slides = [Joint(kind="prismatic", axis=axis) for axis in ((1.0, 0.0), (0.0, 1.0))]
     free = [massless(parent=0), massless(parent_station=0.0), rod(0.8, parent_station=0.0)]
-    closure = Closure(link=5, station=0.0, to_link=2, to_offset=offset, kind=kind, angle=angle)
+    turned = {} if kind == "pin" else {"angle": angle}
+    closure = Closure(link=5, station=0.0, to_link=2, to_offset=offset, kind=kind, **turned)
     cut = ArmSpec(
         links=[*inner, *free],
         joints=[Joint(damping=0.1), Joint(), *slides, Joint()],
@@ -446,7 +447,8 @@ def test_rotor_housing_and_mass_ride_on_the_section_of_the_parent(kind):
     """On a branch of a free base: what each of them adds to the kinetic energy."""
 
     def oracle(**fields):
-        joints = [Joint(), Joint(kind=kind, offset=(0.1, 0.3), axis=(1.0, 2.0), **fields)]
+        axis = {"axis": (1.0, 2.0)} if kind == "prismatic" else {}
+        joints = [Joint(), Joint(kind=kind, offset=(0.1, 0.3), **axis, **fields)]
         base = Base(mass=2.0, inertia=0.1, free=("x", "y", "angle"))
         return MechanismOracle(ArmSpec(links=[rod(), rod(0.5)], joints=joints, base=base))
 
