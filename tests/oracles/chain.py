@@ -57,7 +57,8 @@ def cut(spec: ArmSpec) -> list[Piece]:
         seat, node = seat_of(spec, owner, pieces), 0
         ends = divisions(spec, owner)
         for k, (start, end) in enumerate(pairwise(ends)):
-            part = link if len(ends) == 2 else segment(link, start, end)
+            elements = shared(link.elements, ends)[k]
+            part = link if len(ends) == 2 else segment(link, start, end, elements)
             rows = slice(node, node + part.elements)
             radius = link.hub_radius if k == 0 else 0.0
             owned = joint if k == 0 else None
@@ -103,11 +104,21 @@ def divisions(spec: ArmSpec, owner: int) -> list[float]:
     return ends
 
 
-def segment(link: Link, start: float, end: float) -> Link:
-    """Return the part of a link between two distances from its root (m), as a separate link.
+def shared(elements: int, ends: list[float]) -> list[int]:
+    """Return the elements of each part: at least one, and otherwise in proportion to the length.
 
-    Its share of the elements is that of the length, rounded, and at least one.
+    Shares are rounded down, and the elements that are left go where most was lost, one each.
     """
+    shares = elements * np.diff(ends) / ends[-1]
+    counts = [max(1, int(share + SAME)) for share in shares]
+    lost = np.argsort(counts - shares, kind="stable")
+    for part in lost[: max(0, elements - sum(counts))]:
+        counts[part] += 1
+    return counts
+
+
+def segment(link: Link, start: float, end: float, elements: int) -> Link:
+    """Return the part of a link between two distances from its root (m), as a separate link."""
     beam = link.beam()
     x = np.array(beam.x)
     stations = np.concatenate([[start], x[(x > start) & (x < end)], [end]])
@@ -119,7 +130,7 @@ def segment(link: Link, start: float, end: float) -> Link:
     return Link(
         length=end - start,
         table=SectionTable(x=(stations - start).tolist(), **columns),
-        elements=max(1, round(link.elements * (end - start) / link.length)),
+        elements=elements,
         flexible=link.flexible,
         damping=link.damping,
     )
