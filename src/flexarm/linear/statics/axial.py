@@ -25,6 +25,7 @@ from flexarm.arm.observe import contact_forces, poses_of
 from flexarm.kernels.columns import FIRST_MOMENT_X, LENGTH, MASS, TIP_MASS
 from flexarm.kernels.forces.contact import LEVER
 from flexarm.kernels.layout import Loads
+from flexarm.linear.statics.closed import stiffness_of
 from flexarm.model import Contact, Load
 
 #: Share of a link that is reported: frequencies of the linear theory err by 13 % to 22 %.
@@ -36,27 +37,33 @@ _SAMPLES = 8
 #: Stride of the samples at which contacts are examined first.
 _STRIDE = 8
 _PAGE = "see docs/how-to/large-deflection.md."
+_NO_FORCES: FloatArray = np.zeros(0)
 
 
 #: Arms with the second-order theory, which have the same coordinates.
 _second_orders: WeakKeyDictionary[Arm, Arm] = WeakKeyDictionary()
 
 
-def geometric_stiffness(arm: Arm, q: FloatArray, environment: Environment) -> FloatArray:
+def geometric_stiffness(
+    arm: Arm, q: FloatArray, environment: Environment, closure_forces: FloatArray = _NO_FORCES
+) -> FloatArray:
     """Return the stiffness (dof, dof) by axial forces at q (dof,) that the linear theory neglects.
 
     It is zero for an arm of the second-order theory, which contains it, and for axial forces below
-    a hundredth of the buckling loads. Forces of contacts act as constant loads.
+    a hundredth of the buckling loads. Forces of contacts act as constant loads, and those of
+    closures, (rows,), as their wrenches.
     """
-    if arm.spec.theory != "linear" or _estimate(arm).surely_small(
+    small = not closure_forces.size and _estimate(arm).surely_small(
         np.zeros(1), *_at_rest(arm, q, environment), _NEGLIGIBLE
-    ):
+    )
+    if arm.spec.theory != "linear" or small:
         return np.zeros((arm.dof, arm.dof))
     loads = [*environment.loads, *_contact_loads(arm, q, environment.contacts)]
     second = _second_orders.get(arm)
     if second is None:
         second = _second_orders[arm] = Arm(arm.spec.replace(theory="second_order"))
-    return second.stiffness_matrix(q, loads=loads) - arm.stiffness_matrix(q, loads=loads)
+    stiff, plain = (stiffness_of(a, q, closure_forces, loads) for a in (second, arm))
+    return stiff - plain
 
 
 def _contact_loads(arm: Arm, q: FloatArray, contacts: Sequence[Contact]) -> list[Load]:
