@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.base.arguments import check_number, check_positive, check_times, warn_of_degrees
 from flexarm.base.errors import InputError, Problem, check_array, nearest, public_call, shown
-from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
 
 if TYPE_CHECKING:

@@ -30,8 +30,8 @@ from flexarm.base.errors import (
 from flexarm.base.notebook import html_table
 from flexarm.kernels.derivatives.tangent import inverse_jacobian
 from flexarm.linear.statics.axial import geometric_stiffness, warn_of_theory
-from flexarm.model.arm.spec import serial_only
 from flexarm.model import Contact, Load
+from flexarm.model.arm.spec import serial_only
 
 
 class Tangent(NamedTuple):
@@ -73,7 +73,7 @@ def steady_rates(arm: Arm, spin: float) -> FloatArray:
     rates = np.zeros(arm.dof)
     if spin == 0.0:
         return rates
-    serial_only(arm.spec, "spin")
+    serial_only(arm.spec, "a spin")
     if any(arm.spec.gravity):
         raise InputError(Problem("spin", "be zero for an arm with gravity", shown(spin)))
     if arm.joints == 0 or arm.joint_numbers[0] != 1:

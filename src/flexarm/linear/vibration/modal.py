@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.actions import Environment, marker, place_loads
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import MOST_STATIONS
 from flexarm.base.arguments import as_list, check_count, check_number, check_posture
@@ -257,7 +257,9 @@ def _place(
     if given is not None:
         return check_array("q", given, (arm.dof,)), environment
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    return arm.rest(check_posture("joint_angles", angles, arm.joints, turning_joints(arm))), environment
+    return arm.rest(
+        check_posture("joint_angles", angles, arm.joints, turning_joints(arm))
+    ), environment
 
 
 def _small_motion(arm: Arm, q: FloatArray, spin: float, environment: Environment) -> Tangent:
