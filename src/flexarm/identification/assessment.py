@@ -314,7 +314,7 @@ def identifiability(
     check_inputs(given)
     options: dict[str, Any] = {"integrator": integrator, "rtol": rtol, "atol": atol}
     options |= {} if step is None else {"step": step}
-    serial_only(arm.spec, "identifiability", UNDRIVEN)
+    serial_only(arm.spec, "identification", UNDRIVEN)
     return predicted(arm, given, check_free(free), motors, options)
 
 

@@ -188,7 +188,7 @@ def identify(
         name: getattr(method_of_runs, name) for name in ("integrator", "step", "rtol", "atol")
     }
     options |= {"contacts": touching} if touching else {}
-    serial_only(arm.spec, "identify", UNDRIVEN)
+    serial_only(arm.spec, "identification", UNDRIVEN)
     space = Space(arm, motors, parameters, fitted)
     kind = PredictedRun if method == "prediction_error" else RecordRun
     runs = [kind(name, record, arm, options) for name, record in fitted.items()]

@@ -121,8 +121,12 @@ def start_of(
     if not asked.equilibrium:
         chosen = asked.joint_angle is not None or prescribed
         if followed.initial is not None and not chosen:
-            return Start(followed.initial, prescribed)
-        return Start(arm.rest(angles), prescribed)
+            q = followed.initial.copy()
+            if asked.base_position is not None:
+                places = [coordinate.index for coordinate in arm.assembly.base]
+                q[places] = arm.rest(angles, asked.base_position)[places]
+            return Start(q, prescribed)
+        return Start(arm.rest(angles, asked.base_position), prescribed)
     loads = [_load_at_start(load) for load in scenario.loads]
     base, contacts = scenario.base_acceleration, scenario.contacts
     if isinstance(base, AccelerationTable):
@@ -351,8 +355,10 @@ def prepare(
     with problems_at(place, "initial"):
         start = start_of(arm, scenario, motion, followed)
     options["initial"] = start.q
-    if scenario.initial.joint_rate is not None:
-        options["initial_rate"] = arm.rest(scenario.initial.joint_rate)
+    rate, velocity = scenario.initial.joint_rate, scenario.initial.base_velocity
+    if rate is not None or velocity is not None:
+        rate = np.zeros(arm.joints) if rate is None else rate
+        options["initial_rate"] = arm.rest(rate, velocity)
     if start.prescribed:
         options["prescribed"] = start.prescribed
     with problems_at(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):

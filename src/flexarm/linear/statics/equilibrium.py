@@ -88,7 +88,7 @@ def steady_rates(arm: Arm, spin: float) -> FloatArray:
     rates = np.zeros(arm.dof)
     if spin == 0.0:
         return rates
-    serial_only(arm.spec, "spin")
+    serial_only(arm.spec, "a spin")
     if any(arm.spec.gravity):
         raise InputError(Problem("spin", "be zero for an arm with gravity", shown(spin)))
     if arm.joints == 0 or arm.joint_numbers[0] != 1:

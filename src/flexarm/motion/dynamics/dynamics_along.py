@@ -128,7 +128,7 @@ def rigid_torque(arm: Arm, motion: Motion) -> RigidTorque:
         InputError: if the numbers of joints differ.
     """
     arm = check_arm(arm)
-    serial_only(arm.spec, "rigid_torque", UNDRIVEN)
+    serial_only(arm.spec, "the torque of the rigid model", UNDRIVEN)
     return RigidTorque(arm.rigid(), check_motion(motion, arm))
 
 

@@ -190,7 +190,7 @@ def inverse_kinematics(
         InputError: if the point is out of reach, or an argument has the wrong shape or is not
             finite.
     """
-    serial_only(check_arm(arm).spec, "inverse_kinematics")
+    serial_only(check_arm(arm).spec, "inverse kinematics of the tip")
     chain = rigid_chain(arm)
     target = check_array("point", point, (2,))
     check_elbow(elbow)

@@ -133,7 +133,7 @@ def iterative_learning(
         S. Arimoto, S. Kawamura and F. Miyazaki, J. Robotic Systems 1 (1984) 123-140.
         S. Gunnarsson and M. Norrlof, Automatica 37 (2001) 2011-2016.
     """
-    serial_only(arm.spec, "iterative_learning")
+    serial_only(arm.spec, "iterative learning")
     check_reference(reference)
     check_controller("controller", controller)
     check_choice("output", output, OUTPUTS)

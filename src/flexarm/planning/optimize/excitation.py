@@ -137,7 +137,7 @@ def optimal_excitation(
     its samples, which is simulated. Mehra, IEEE Transactions on Automatic Control 19 (1974) 753.
     """
     parameters = check_free(free)
-    serial_only(arm.spec, "optimal_excitation")
+    serial_only(arm.spec, "an optimal excitation")
     check_kind("limits", limits, MotionLimits)
     check_mapping("noise", noise, "channels and standard deviations")
     if not noise:

@@ -129,7 +129,7 @@ def optimal_motion(
     Contacts are not included.
     """
     plant = plant or arm
-    serial_only(arm.spec, "optimal_motion")
+    serial_only(arm.spec, "an optimal motion")
     check_choice("objective", objective, OBJECTIVES)
     limits = MotionLimits() if limits is None else check_kind("limits", limits, MotionLimits)
     begin, goal = (

@@ -120,7 +120,7 @@ def requirements_of(
     computing = check_choice("computing", computing, COMPUTING)
     if not arm.joints:
         raise InputError(Problem("arm", "must have a joint that is not fixed"))
-    serial_only(arm.spec, "design")
+    serial_only(arm.spec, "the design of controllers")
     if task == "force" and arm.joints < 2:
         rule = "force is not supported for an arm with one joint"
         raise InputError(Problem("task", rule, hint="It cannot move along a surface."))

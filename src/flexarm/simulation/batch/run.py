@@ -54,6 +54,7 @@ from flexarm.simulation.calls.limits import limit_variables
 from flexarm.simulation.calls.preparation import Situation, Torque, implausible_run
 from flexarm.simulation.calls.result import (
     arm_text,
+    channel_labels,
     coordinates_of,
     package_version,
     software_versions,
@@ -125,6 +126,7 @@ class Recorder:
             "joint": arm.joints,
             "link": arm.links,
             "axis": 2,
+            "direction": 3 if arm.assembly.base else 0,
             "coordinate": arm.dof,
             "gauge": len(arm.gauges),
             "contact": len(batch.shared.environment.contacts),
@@ -156,6 +158,8 @@ class Recorder:
         absent = {} if runs.controllers[0] is not None else {"torque_command": "controller"}
         if not any(arm.assembly.has_bristles for arm in runs.arms):
             absent["bristle_deflection"] = "friction with bristles"
+        if not runs.arms[0].assembly.base:
+            absent |= dict.fromkeys(("base_position", "base_velocity"), "base that moves")
         problems = []
         for argument, names in own.items():
             for name in names:
@@ -214,7 +218,7 @@ class Recorder:
             name: (
                 ("run", "time", *CHANNELS[name].dims),
                 values,
-                {"units": CHANNELS[name].unit, "long_name": CHANNELS[name].meaning},
+                channel_labels(self._batch.runs.arms[0], name),
             )
             for name, values in self._channels.items()
         }
