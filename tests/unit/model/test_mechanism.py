@@ -1,5 +1,6 @@
 """Rules of branches, sliding joints, bases and closures, and what an arm is."""
 
+import copy
 import math
 import re
 
@@ -10,6 +11,7 @@ from flexarm.base.errors import InputError
 from flexarm.model import ArmSpec, json_schema, load_arm_spec, save_arm_spec
 from flexarm.model.arm.spec import serial_only, varied_spec
 from flexarm.model.paths import number_at, number_paths, unit_at, with_number
+from flexarm.model.plausible import implausible
 
 LINK = {"length": 1.0, "flexural_rigidity": 10.0, "mass_per_length": 1.0}
 RIGID = {"length": 1.0, "mass_per_length": 1.0, "flexible": False}
@@ -45,6 +47,13 @@ MECHANISM = {
         {"kind": "line", "link": 2, "station": 0.5, "to_offset": [1.0, 0.0], "angle": 0.3},
     ],
 }
+
+
+#: Values that no field, or only some fields of a mechanism accept.
+WRONG = (
+    *(None, "", "no", "5 mm", True, math.nan, math.inf, -1, 0.0, 2, 256, 1e308, 5e-324),
+    *([], [1.0], [1e308, 1e308], ["x"], {}, {"link": 1}, LINK, object()),
+)
 
 
 def stuck(place):
@@ -526,6 +535,33 @@ def test_numbers_of_a_mechanism_have_paths_and_units():
     assert {path: unit_at(spec, path) for path in units} == units
     rubbing = ArmSpec(links=[RIGID], joints=[{**SLIDE, "friction": {"coulomb": 1.0}}])
     assert unit_at(rubbing, "joints[0].friction.coulomb") == "N"
+
+
+def test_wrong_values_anywhere_are_accepted_or_refused_with_a_message():
+    """Each number of a mechanism, and each of its entries, is replaced by each wrong value."""
+
+    def places(value, path=()):
+        items = value.items() if isinstance(value, dict) else enumerate(value)
+        for key, item in items:
+            yield (*path, key)
+            if isinstance(item, dict | list):
+                yield from places(item, (*path, key))
+
+    messages, count = [], 0
+    for path in places(MECHANISM):
+        for wrong in WRONG:
+            fields = copy.deepcopy(MECHANISM)
+            inside = fields
+            for key in path[:-1]:
+                inside = inside[key]
+            inside[path[-1]] = wrong
+            count += 1
+            try:
+                implausible(ArmSpec(**fields))
+            except fa.ModelError as error:
+                messages.append(str(error))
+    assert count > len(messages) > 0.5 * count
+    assert all(message.startswith("Arm: ") for message in messages)
 
 
 def test_variations_keep_the_mechanism():
