@@ -418,7 +418,7 @@ def weights(spec: ArmSpec) -> list[float]:
     """Return the torque (N m) of gravity at each joint of the horizontal arm, 0 if it slides."""
     parts, weight = _outboard(spec, [_beam(link) for link in spec.links]), math.hypot(*spec.gravity)
     return [
-        weight * abs(part.first) if joint.kind == "revolute" else 0.0
+        weight * math.hypot(part.first.real, part.first.imag) if joint.kind == "revolute" else 0.0
         for part, joint in zip(parts, spec.joints, strict=True)
     ]
 

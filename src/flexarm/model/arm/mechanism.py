@@ -264,11 +264,10 @@ def inertia_faults(
         return
     parents, count = carriers(links), len(links)
     bodies = [[[0.0] * 3 for _ in _R3] for _ in range(count + 1)]  # the last one, -1, is the base
-    for i, (link, table) in enumerate(zip(links, tables, strict=True)):
+    for i, table in enumerate(tables):
         turns = joints[i].hub_inertia or any(table.rotary_inertia_per_length or ()) or carries[i]
-        _add(bodies[i], carries[i], turns, 0.5 + _HUB * (link.hub_radius > 0.0))
-    tip = 1.0 + _HUB * (links[-1].hub_radius > 0.0)
-    _add(bodies[count - 1], payload.mass, payload.inertia, tip + _OFFSET * _along(payload.offset))
+        _add(bodies[i], carries[i], turns, 0.5)
+    _add(bodies[count - 1], payload.mass, payload.inertia, 1.0 + _OFFSET * _along(payload.offset))
     carries[-1] = carries[-1] or payload.mass > 0.0
     last = count - 1  # link that is rigidly connected to the payload and has a joint that moves
     while last >= 0 and joints[last].fixed:
@@ -293,8 +292,8 @@ def inertia_faults(
 
 def _along(pair: Sequence[float]) -> complex:
     """Return the unit vector of a pair of numbers, or 0."""
-    value = complex(*pair)
-    return value / abs(value) if value else value
+    x, y = pair
+    return cmath.rect(1.0, math.atan2(y, x)) if x or y else 0j
 
 
 def _place(link: Link, parent: Link | None, joint: Joint) -> complex:
