@@ -344,9 +344,7 @@ class _Search:
                 return q
         raise np.linalg.LinAlgError("Newton's method does not converge")
 
-    def _balance(
-        self, arm: Arm, q: FloatArray, loads: Sequence[Load], fraction: float
-    ) -> _Balance:
+    def _balance(self, arm: Arm, q: FloatArray, loads: Sequence[Load], fraction: float) -> _Balance:
         force = self._force(arm, q, loads) - fraction * self.force
         motions = independent_motions(arm, q, self.unknown)
         unit = coordinate_sizes(arm)[motions.independent]
