@@ -252,7 +252,8 @@ def _base(rng: np.random.Generator, scale: Scale, links: int) -> Base | None:
     if decide(rng, None, 0.4):
         # Periods of the base on its springs as of a pendulum, or shorter.
         squared = scale.rate**2 * float(rng.uniform(1.0, 100.0))
-        weights = np.array([mass, mass, fields["inertia"]])
+        free = [name in names for name in ("x", "y", "angle")]
+        weights = np.where(free, [mass, mass, fields["inertia"]], 0.0)
         fields["stiffness"] = tuple((weights * squared).tolist())
         fields["damping"] = tuple((weights * 0.1 * squared**0.5).tolist())
     return Base(free=tuple(names), **fields)
@@ -260,20 +261,23 @@ def _base(rng: np.random.Generator, scale: Scale, links: int) -> Base | None:
 
 def _closures(rng: np.random.Generator, fields: dict[str, Any], scale: Scale) -> list[Closure]:
     """Draw closures that hold at zero coordinates and are independent there."""
+    opened = MechanismOracle(ArmSpec(**fields), precision=np.float64)
     count = int(rng.integers(1, 3))
     for _ in range(100):
-        drawn = [_closure(rng, fields) for _ in range(count)]
-        if _independent({**fields, "closures": drawn}, scale):
+        drawn = [_closure(rng, opened) for _ in range(count)]
+        spec = opened.spec.replace(closures=drawn)
+        if _independent(MechanismOracle(spec, precision=np.float64), scale):
             return drawn
         count = 1
     raise ValueError("no independent closures found")
 
 
-def _closure(rng: np.random.Generator, fields: dict[str, Any]) -> Closure:
+def _closure(rng: np.random.Generator, oracle: MechanismOracle) -> Closure:
     """Draw a closure that holds at zero coordinates."""
-    count = len(fields["links"])
-    first = int(rng.integers(1, count + 1))
-    second = [None, *(i for i in range(count + 1) if i != first)][int(rng.integers(count + 1))]
+    links = oracle.spec.links
+    first = int(rng.integers(1, len(links) + 1))
+    others = [None, *(i for i in range(len(links) + 1) if i != first)]
+    second = others[int(rng.integers(len(others)))]
     kind = str(rng.choice(["pin", "weld", "line"]))
     options: dict[str, Any] = {"kind": kind, "link": first, "to_link": second}
     if kind == "line":
@@ -281,20 +285,19 @@ def _closure(rng: np.random.Generator, fields: dict[str, Any]) -> Closure:
     for name, number in (("station", first), ("to_station", second)):
         if number and decide(rng, None, 0.3):
             share = 0.0 if decide(rng, None) else float(rng.uniform(0.2, 0.8))
-            options[name] = share * fields["links"][number - 1].length
-    options["offset"] = tuple(
-        (rng.uniform(-0.1, 0.1, 2) * fields["links"][first - 1].length).tolist()
-    )
-    spec = ArmSpec(**fields, closures=[Closure(**options)])
-    return spec.closures[0].replace(**closing(spec, spec.closures[0]))
+            options[name] = share * links[number - 1].length
+    options["offset"] = tuple((rng.uniform(-0.1, 0.1, 2) * links[first - 1].length).tolist())
+    closure = Closure(**options)
+    return closure.replace(**closing(oracle, closure))
 
 
-def closing(spec: ArmSpec, closure: Closure, q: np.ndarray | None = None) -> dict[str, Any]:
-    """Return the second point, and the angle of a weld, at which a closure holds.
+def closing(
+    oracle: MechanismOracle, closure: Closure, q: np.ndarray | None = None
+) -> dict[str, Any]:
+    """Return the second point, and the angle of a weld, with which a closure holds.
 
-    q: coordinates with nodal values of the oracle; by default zeros.
+    q (dof,): coordinates; by default zeros.
     """
-    oracle = MechanismOracle(spec, precision=np.float64)
     first, second = oracle.points_of(closure, np.zeros(oracle.dof) if q is None else q)
     c, s = np.cos(second[2]), np.sin(second[2])
     apart = np.array([[c, s], [-s, c]]) @ (first[:2] - second[:2])
@@ -304,16 +307,11 @@ def closing(spec: ArmSpec, closure: Closure, q: np.ndarray | None = None) -> dic
     return moved
 
 
-def _independent(fields: dict[str, Any], scale: Scale) -> bool:
+def _independent(oracle: MechanismOracle, scale: Scale) -> bool:
     """Return whether closures are independent at zero coordinates."""
-    oracle = MechanismOracle(ArmSpec(**fields), precision=np.float64)
     nothing = np.zeros(oracle.dof)
-    jacobian, mass = oracle.gap_jacobian(nothing), oracle.mass_matrix(nothing)
-    angles = [
-        row
-        for kind in (closure.kind for closure in fields["closures"])
-        for row in {"pin": (1.0, 1.0), "weld": (1.0, 1.0, scale.length), "line": (1.0,)}[kind]
-    ]
-    rows = np.array(angles)[:, None] * jacobian
-    values = np.linalg.eigvalsh(rows @ np.linalg.solve(mass, rows.T))
+    units = {"pin": [1.0, 1.0], "weld": [1.0, 1.0, scale.length], "line": [1.0]}
+    lengths = np.concatenate([units[closure.kind] for closure in oracle.spec.closures])
+    rows = lengths[:, None] * oracle.gap_jacobian(nothing)
+    values = np.linalg.eigvalsh(rows @ np.linalg.solve(oracle.mass_matrix(nothing), rows.T))
     return bool(values[0] > INDEPENDENT * values[-1])

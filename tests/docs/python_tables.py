@@ -17,7 +17,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("Arm", "load_arm", "save_arm", "varied"),
         *("Link", "Material", "Rectangle", "Circle", "Tube", "Box", "SectionTable"),
         *("ModalDamping", "RayleighDamping", "Gauge"),
-        *("Joint", "Friction", "JointLimits", "Winding", "Payload"),
+        *("Joint", "Friction", "JointLimits", "Winding", "Payload", "Base", "Closure"),
     ),
     "loads": ("Load", "Change", "Contact", "Wall", "RoundWall", "SurfaceTable"),
     "motions": (

@@ -8,8 +8,8 @@ import pytest
 from docs_pages import ROOT, text_of
 
 THEORY = sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs" / "theory").glob("*.md"))
-_CITED = re.compile(r"\(([BCDFILPRSTV])\.(\d+)([a-z]?)\)")
-_TAG = re.compile(r"\\tag\{([BCDFILPRSTV])\.(\d+)\}")
+_CITED = re.compile(r"\(([BCDFILMPRSTV])\.(\d+)([a-z]?)\)")
+_TAG = re.compile(r"\\tag\{([BCDFILMPRSTV])\.(\d+)\}")
 
 
 def tags() -> list[tuple[str, int]]:
@@ -20,7 +20,7 @@ def tags() -> list[tuple[str, int]]:
 def test_numbers_are_unique_and_consecutive() -> None:
     found = tags()
     assert len(found) == len(set(found))
-    for letter in "BCDFILPRSTV":
+    for letter in "BCDFILMPRSTV":
         numbers = sorted(n for other, n in found if other == letter)
         # Pages on control begin at (C.1), (C.20), (C.40), ..., so that each can grow.
         starts = [1, *range(20, 200, 20)] if letter == "C" else [1]
@@ -55,7 +55,7 @@ def test_cited_equations_exist(folder: str) -> None:
 
 
 def test_index_states_the_last_equation_of_each_page() -> None:
-    given = r"\((\w+)\.md\) \| \(([BCDFILPRSTV])\.(\d+)\) to \(\2\.(\d+)\)"
+    given = r"\((\w+)\.md\) \| \(([BCDFILMPRSTV])\.(\d+)\) to \(\2\.(\d+)\)"
     ranges = re.findall(given.replace(r"\w+", r"[\w-]+"), text_of("docs/theory/index.md"))
     assert len(ranges) == len(THEORY) - 1  # all pages except the index
     for page, letter, first, last in ranges:

@@ -123,6 +123,8 @@ RECORDS: dict[str, dict[str, Any]] = {
     "Winding": {"torque_constant": 0.05, "resistance": 2.0},
     "Gauge": {"station": 0.1, "distance": 0.005},
     "Joint": {"hub_inertia": 0.05},
+    "Base": {"mass": 2.0, "inertia": 0.1, "free": ["x", "angle"], "stiffness": [1e3, 0.0, 10.0]},
+    "Closure": {"kind": "weld", "link": 1, "to_link": 2, "to_station": 0.1, "angle": 0.2},
     "JointLimits": {"lower": -1.0, "upper": 1.0, "stiffness": 100.0},
     "Link": LINK,
     "Material": {"density": 2700.0, "youngs_modulus": 7e10},

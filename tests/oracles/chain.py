@@ -50,14 +50,15 @@ class Piece:
 def cut(spec: ArmSpec) -> list[Piece]:
     """Return all pieces of an arm; each follows the one that carries it.
 
-    A link is divided into its segments, and where a joint of another link sits on it.
+    A link is divided into its segments, and where the joint of another link or a closure is.
     """
     pieces: list[Piece] = []
     for owner, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
         seat, node = seat_of(spec, owner, pieces), 0
         ends = divisions(spec, owner)
         for k, (start, end) in enumerate(pairwise(ends)):
-            part = link if len(ends) == 2 else segment(link, start, end)
+            elements = shared(link.elements, ends)[k]
+            part = link if len(ends) == 2 else segment(link, start, end, elements)
             rows = slice(node, node + part.elements)
             radius = link.hub_radius if k == 0 else 0.0
             owned = joint if k == 0 else None
@@ -92,20 +93,32 @@ def divisions(spec: ArmSpec, owner: int) -> list[float]:
     link = spec.links[owner]
     count = link.segments if link.flexible else 1
     ends = [link.length * k / count for k in range(count + 1)]
-    for other, child in enumerate(spec.links):
-        station = child.parent_station
-        if station is None or parent_of(spec, other) != owner:
+    points = [(parent_of(spec, i) + 1, child.parent_station) for i, child in enumerate(spec.links)]
+    for closure in spec.closures:
+        points += [(closure.link, closure.station), (closure.to_link, closure.to_station)]
+    for number, station in points:
+        if station is None or number != owner + 1:
             continue
         if min(abs(station - end) for end in ends) > SAME * link.length:
             ends = sorted([*ends, station])
     return ends
 
 
-def segment(link: Link, start: float, end: float) -> Link:
-    """Return the part of a link between two distances from its root (m), as a separate link.
+def shared(elements: int, ends: list[float]) -> list[int]:
+    """Return the elements of each part: at least one, and otherwise in proportion to the length.
 
-    Its share of the elements is that of the length, rounded, and at least one.
+    Shares are rounded down, and the elements that are left go where most was lost, one each.
     """
+    shares = elements * np.diff(ends) / ends[-1]
+    counts = [max(1, int(share + SAME)) for share in shares]
+    lost = np.argsort(counts - shares, kind="stable")
+    for part in lost[: max(0, elements - sum(counts))]:
+        counts[part] += 1
+    return counts
+
+
+def segment(link: Link, start: float, end: float, elements: int) -> Link:
+    """Return the part of a link between two distances from its root (m), as a separate link."""
     beam = link.beam()
     x = np.array(beam.x)
     stations = np.concatenate([[start], x[(x > start) & (x < end)], [end]])
@@ -117,7 +130,7 @@ def segment(link: Link, start: float, end: float) -> Link:
     return Link(
         length=end - start,
         table=SectionTable(x=(stations - start).tolist(), **columns),
-        elements=max(1, round(link.elements * (end - start) / link.length)),
+        elements=elements,
         flexible=link.flexible,
         damping=link.damping,
     )

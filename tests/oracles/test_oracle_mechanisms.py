@@ -1,5 +1,7 @@
 """The oracle of mechanisms against descriptions of the same mechanism in another way."""
 
+import copy
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -113,7 +115,8 @@ def in_two(theory, kind):
     )
     slides = [Joint(kind="prismatic", axis=axis) for axis in ((1.0, 0.0), (0.0, 1.0))]
     free = [massless(parent=0), massless(parent_station=0.0), rod(0.8, parent_station=0.0)]
-    closure = Closure(link=5, station=0.0, to_link=2, to_offset=offset, kind=kind, angle=angle)
+    turned = {} if kind == "pin" else {"angle": angle}
+    closure = Closure(link=5, station=0.0, to_link=2, to_offset=offset, kind=kind, **turned)
     cut = ArmSpec(
         links=[*inner, *free],
         joints=[Joint(damping=0.1), Joint(), *slides, Joint()],
@@ -163,7 +166,7 @@ def in_motion(seed, closures, **more):
     return oracle, *random_motion(np.random.default_rng(seed), oracle)
 
 
-@pytest.mark.thorough_cases("6", "7", "8", "9")
+@pytest.mark.sampled("1", "2", "4")
 @pytest.mark.parametrize("closures", [False, True], ids=["open", "closed"])
 @pytest.mark.parametrize("seed", range(10))
 def test_power_balance(seed, closures):
@@ -184,7 +187,7 @@ def test_power_balance(seed, closures):
     np.testing.assert_allclose(power, sum(terms), rtol=0, atol=1e-12 * scale + rounding)
 
 
-@pytest.mark.thorough_cases("6", "7", "8", "9")
+@pytest.mark.sampled("1", "2", "4")
 @pytest.mark.parametrize("closures", [False, True], ids=["open", "closed"])
 @pytest.mark.parametrize("seed", range(10))
 def test_equations_of_motion_and_of_closures(seed, closures):
@@ -218,7 +221,7 @@ def test_equations_of_motion_and_of_closures(seed, closures):
     np.testing.assert_allclose(curvature, found.gap_bias, rtol=0, atol=atol / step)
 
 
-@pytest.mark.thorough_cases("4", "5")
+@pytest.mark.sampled("1", "2", "3")
 @pytest.mark.parametrize("closures", [False, True], ids=["open", "closed"])
 @pytest.mark.parametrize("seed", range(6))
 def test_momentum_of_a_free_mechanism_is_constant(seed, closures):
@@ -261,7 +264,7 @@ def test_default_parents_are_those_of_a_serial_arm(theory):
     fields = {"joints": [*joints, joints[0]], "gravity": (1.0, -9.0), "theory": theory}
     serial = LagrangianOracle(ArmSpec(links=[rod(), rod(0.7), rod(0.4)], **fields))
     links = [rod(parent=0), rod(0.7, parent=1, parent_station=1.0), rod(0.4, parent=2)]
-    base = Base(mass=3.0, inertia=1.0, centre=(1.0, 2.0), stiffness=(1.0, 1.0, 1.0))
+    base = Base(mass=3.0, inertia=1.0, centre=(1.0, 2.0))
     tree = MechanismOracle(ArmSpec(links=links, base=base, **fields))
     q, qd, torque = arbitrary(serial)
     exact, found = serial.acceleration(q, qd, torque), tree.at(q, qd, torque)
@@ -273,20 +276,25 @@ def test_default_parents_are_those_of_a_serial_arm(theory):
     np.testing.assert_array_equal(found.tips[-1], serial.tip(q))
 
 
+@pytest.mark.parametrize("flexible", [True, False])
 @pytest.mark.parametrize("theory", THEORIES)
-def test_station_of_a_parent_divides_it(theory):
+def test_station_of_a_parent_divides_it(theory, flexible):
     """A branch on a link equals a branch on the end of the first of two links on a fixed joint."""
     fields = {"gravity": (1.0, -9.0), "theory": theory}
     branch, held = rod(0.5, parent=1), Joint(fixed=True)
     motor = Joint(mass=0.2, housing_inertia=0.01)
     divided = MechanismOracle(
         ArmSpec(
-            links=[rod(0.9, elements=3, hub_radius=0.1), branch.replace(parent_station=0.3)],
+            links=[
+                rod(0.9, elements=3, hub_radius=0.1, flexible=flexible),
+                branch.replace(parent_station=0.3),
+            ],
             joints=[Joint(), motor],
             **fields,
         )
     )
-    links = [rod(0.3, hub_radius=0.1), rod(0.6, elements=2), branch]
+    bent = {"flexible": flexible}
+    links = [rod(0.3, hub_radius=0.1, **bent), rod(0.6, elements=2, **bent), branch]
     joined = MechanismOracle(ArmSpec(links=links, joints=[Joint(), held, motor], **fields))
     assert [piece.link.elements for piece in divided.pieces] == [1, 2, 1]
     q, qd, torque = arbitrary(joined)
@@ -299,7 +307,7 @@ def test_station_of_a_parent_divides_it(theory):
     )
 
 
-@pytest.mark.sampled("0", "1", "2", "3")
+@pytest.mark.sampled("1", "2", "3")
 @pytest.mark.parametrize("seed", range(8))
 def test_forces_of_closures_are_loads_on_the_open_mechanism(seed):
     """At any gap: the force on the second point of a line acts at the place of the first."""
@@ -328,7 +336,8 @@ def test_forces_of_closures_are_loads_on_the_open_mechanism(seed):
             if link is not None:
                 push = (-1.0 if k else 1.0) * np.array([*force[:2], moment])
                 loads.append(fa.Load(link=link, station=station, force=push[:2], moment=push[2]))
-    opened = MechanismOracle(oracle.spec.replace(closures=[]))
+    opened = copy.copy(oracle)  # with the same division of the links
+    opened.spec = oracle.spec.replace(closures=[])
     exact = opened.moving(q, qd, torque, loads=loads)
     scale = np.sqrt(np.diag(found.mass))
     error = scale * (found.acceleration - exact.acceleration)
@@ -365,6 +374,18 @@ def test_prescribed_crank_of_a_four_bar(theory):
     free = oracle.at(q, qd, driven.torque)
     assert_close(free.acceleration, driven.acceleration)
     assert_close(free.closure_force, driven.closure_force)
+
+
+def test_acceleration_of_the_base_acts_like_gravity():
+    """On both arms of a fixed base; its velocity has no effect."""
+    case, shaken = CLOSED["five_bar"](), np.array([2.0, -3.0])
+    bare = MechanismOracle(ArmSpec(**{**case.fields, "closures": []}))
+    pulled = MechanismOracle(bare.spec.replace(gravity=tuple((-shaken).tolist())))
+    q, qd, torque = arbitrary(bare)
+    found = bare.moving(q, qd, torque, base_velocity=(5.0, 7.0), base_acceleration=shaken)
+    exact = pulled.moving(q, qd, torque)
+    assert_close(found.acceleration, exact.acceleration)
+    assert_close(found.joint_force, exact.joint_force)
 
 
 def test_oracle_of_an_arm_has_its_coordinates():
@@ -426,7 +447,8 @@ def test_rotor_housing_and_mass_ride_on_the_section_of_the_parent(kind):
     """On a branch of a free base: what each of them adds to the kinetic energy."""
 
     def oracle(**fields):
-        joints = [Joint(), Joint(kind=kind, offset=(0.1, 0.3), axis=(1.0, 2.0), **fields)]
+        axis = {"axis": (1.0, 2.0)} if kind == "prismatic" else {}
+        joints = [Joint(), Joint(kind=kind, offset=(0.1, 0.3), **axis, **fields)]
         base = Base(mass=2.0, inertia=0.1, free=("x", "y", "angle"))
         return MechanismOracle(ArmSpec(links=[rod(), rod(0.5)], joints=joints, base=base))
 
@@ -495,6 +517,7 @@ def test_random_mechanisms_have_every_option_on_and_off():
     assert max(lengths) > 5.0
 
 
+@pytest.mark.thorough
 def test_random_closures_have_every_kind():
     loops = [random_mechanism(seed, closures=True)["closures"] for seed in range(12)]
     assert {len(closures) for closures in loops} == {1, 2}

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.actions import place_contacts
 from flexarm.arm.arm import Arm, described_arm
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, SimulationError, public_call
@@ -199,7 +200,7 @@ class Prepared:
     def implausible(self) -> list[str]:
         """Return a sentence for each implausible number of the run."""
         options = self.options
-        angles = self.arm.joint_angles(options["initial"])
+        angles = self.arm.joint_angles(options["initial"])[turning_joints(self.arm)]
         others = (options.get(name) for name in ("controller", "reference", "hardware"))
         return implausible_run(self.arm, options["duration"], options["rate"], angles, *others)
 

@@ -38,6 +38,7 @@ from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model import Instrument
+from flexarm.model.arm.spec import serial_only
 from flexarm.model.drives.around import FilterParameters
 from flexarm.model.paths import number_at, with_number
 
@@ -101,6 +102,7 @@ def tip_mass(arm: Arm) -> float:
     the tip are inversely proportional to this mass plus the payload mass. Therefore they are nearly
     exponential in the logarithm of the sum, even for a payload of zero.
     """
+    serial_only(arm.spec, "estimation of the payload")
     inertia = RigidModel(arm).mass_matrix(np.zeros(arm.joints))[-1, -1]
     own = float(inertia) / float(arm.lengths[-1]) ** 2 - arm.spec.payload.mass
     return max(own, 1e-3 * float(inertia) / float(arm.lengths[-1]) ** 2)

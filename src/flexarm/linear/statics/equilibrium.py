@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.actions import EMPTY, Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.arm.assembly.coordinates import coordinate_sizes, modal_size
+from flexarm.arm.assembly.coordinates import coordinate_sizes, modal_size, turning_joints
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import (
@@ -38,6 +38,7 @@ from flexarm.linear.statics.closed import (
     stiffness_of,
 )
 from flexarm.model import Contact, Load
+from flexarm.model.arm.spec import serial_only
 
 
 class Tangent(NamedTuple):
@@ -87,6 +88,7 @@ def steady_rates(arm: Arm, spin: float) -> FloatArray:
     rates = np.zeros(arm.dof)
     if spin == 0.0:
         return rates
+    serial_only(arm.spec, "spin")
     if any(arm.spec.gravity):
         raise InputError(Problem("spin", "be zero for an arm with gravity", shown(spin)))
     if arm.joints == 0 or arm.joint_numbers[0] != 1:
@@ -120,6 +122,8 @@ def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
 
 #: Residual forces below this fraction of the largest force count as zero.
 _RESIDUAL = 1e-11
+#: Force on a base that moves freely, over the loads, that rounding errors explain.
+_UNBALANCED = 1e-9
 _NEWTON_STEPS = 30
 _DESCENT_STEPS = 300
 _SMALLEST_STEP = 1e-4
@@ -238,7 +242,9 @@ def equilibrium(
     Newton's method with the exact stiffness matrix; gravity and loads grow from zero in adaptive
     steps, so that large deflections are reached. Descent steps then search for a stable equilibrium
     if this one is unstable or was not found; with free joints they come first. Friction is
-    neglected. The loops of a mechanism stay closed in all steps.
+    neglected. Coordinates of a base that no spring holds stay zero, or as in ``start``; if a force
+    would accelerate the base, there is no equilibrium. The loops of a mechanism stay closed in all
+    steps.
     """
     if base_acceleration is not None:
         felt = arm.spec.gravity - check_array("base_acceleration", base_acceleration, (2,))
@@ -246,14 +252,14 @@ def equilibrium(
     if torque is not None and joint_angles is None and start is None:
         joint_angles = np.zeros(arm.joints)
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    q = arm.rest(check_posture("joint_angles", angles, arm.joints))
+    q = arm.rest(check_posture("joint_angles", angles, arm.joints, turning_joints(arm)))
     if start is not None:
         q = check_array("start", start, (arm.dof,))
     refuse_open(arm, "joint_angles" if start is None else "start", q)
     search = _Search(arm, Environment.of(arm, tip_force, loads, None, contacts))
     if torque is not None:
         search.force[arm.joint_index] = check_array("torque", torque, (arm.joints,))
-        search.unknown = np.arange(arm.dof)
+        search.unknown = np.setdiff1d(np.arange(arm.dof), search.loose)
     if held is not None:
         search.hold(held)
     independent_motions(arm, q, search.unknown)  # raises if closures depend on each other
@@ -263,6 +269,28 @@ def equilibrium(
         found = search.best(q, free=bool(np.isin(arm.joint_index, search.unknown).any()))
     warn_of_theory(arm, found.q, found.environment)
     return found
+
+
+def loose_coordinates(arm: Arm, environment: Environment) -> list[int]:
+    """Return the indices in q of coordinates of the base on which no equilibrium depends.
+
+    They have no spring, and no contact, field or load that could hold them.
+    """
+    if environment.contacts:
+        return []
+    turning = bool(np.any(arm.spec.gravity)) or bool(environment.loads)
+    stiffness = arm.assembly.constants.joint_stiffness
+    return [
+        coordinate.index
+        for coordinate in arm.assembly.base
+        if stiffness[coordinate.body] == 0.0 and not (coordinate.name == "angle" and turning)
+    ]
+
+
+def total_mass(arm: Arm) -> float:
+    """Return the mass of an arm with its payload and base, kg."""
+    c = arm.assembly.constants
+    return float(c.mass.sum() + c.tip_mass.sum())
 
 
 class _Balance(NamedTuple):
@@ -280,7 +308,8 @@ class _Search:
         self.arm, self.loads, self.contacts = arm, environment.loads, environment.contacts
         self.environment = environment
         self.force = np.zeros(arm.dof)
-        self.unknown = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+        self.loose = loose_coordinates(arm, environment)
+        self.unknown = np.setdiff1d(np.arange(arm.dof), [*arm.joint_index, *self.loose])
         factor = next((load.factor for load in self.loads if load.factor is not None), None)
         if factor is not None:
             rule = "be constant in time"
@@ -422,6 +451,7 @@ class _Search:
         closing = motions.multipliers(force - self.force)
         if closing.size:
             force = force - arm.closure_jacobian(q).T @ closing
+        self._refuse_acceleration(q, force)
         lowest = self._lowest(q, geometric_stiffness(arm, q, self.environment, closing))
         return Equilibrium(
             q,
@@ -432,6 +462,19 @@ class _Search:
             tuple(self.contacts),
             closing,
         )
+
+    def _refuse_acceleration(self, q: FloatArray, force: FloatArray) -> None:
+        """Raise if a force would accelerate a base that nothing holds."""
+        if not self.loose:
+            return
+        weight = float(np.hypot(*self.arm.spec.gravity)) * total_mass(self.arm)
+        size = weight + sum(float(np.hypot(*load.force)) for load in self.loads)
+        for coordinate in self.arm.assembly.base:
+            if coordinate.index in self.loose:
+                scale = size * (self.arm.reach if coordinate.name == "angle" else 1.0)
+                if abs(force[coordinate.index]) > _UNBALANCED * scale:
+                    reason = f"no spring holds {coordinate.name} of the base against the loads."
+                    raise EquilibriumError(0.0, q, reason)
 
     def _lowest(self, q: FloatArray, added: FloatArray | None = None) -> float:
         """Return the lowest eigenvalue of stiffness, and what is ``added`` to it, over mass."""
@@ -485,10 +528,13 @@ def _descent_step(
 
 
 def _largest_turn(arm: Arm, step: FloatArray) -> float:
-    """Return the largest rotation (rad) of a joint or of an end of a segment in a step (dof,)."""
-    turns = [
-        np.abs(step[[seat.angle, *([seat.twist] if seat.twist else [])]]).max()
-        for seat in arm.assembly.seats
-    ]
+    """Return the largest rotation (rad) of a joint or of an end of a segment in a step (dof,).
+
+    Displacements of joints and bases that slide count in units of the reach.
+    """
+    rigid = np.ones(arm.dof, dtype=bool)
+    for piece in arm.assembly.pieces:
+        rigid[piece.modal] = False
+    turns = np.abs(step / coordinate_sizes(arm))[rigid].tolist()
     turns += [abs(float(p.shapes.dP @ step[p.modal])) for p in arm.assembly.pieces]
     return max(turns, default=0.0)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.actions import Environment, marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import MOST_STATIONS
 from flexarm.base.arguments import as_list, check_count, check_number, check_posture
@@ -179,7 +180,7 @@ class Modes:
             InputError: if ``amplitude`` is not a finite number, or there are fewer than two
                 stations.
         """
-        size = 0.1 * self.arm.lengths.sum()
+        size = 0.1 * self.arm.reach
         if amplitude is not None:
             size = check_number("amplitude", amplitude)
         moved = self.displacements(check_count("stations", stations, 2, MOST_STATIONS))
@@ -275,7 +276,9 @@ def _place(
     if given is not None:
         return check_array("q", given, (arm.dof,)), environment
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    return arm.rest(check_posture("joint_angles", angles, arm.joints)), environment
+    return arm.rest(
+        check_posture("joint_angles", angles, arm.joints, turning_joints(arm))
+    ), environment
 
 
 def _closure_forces(
@@ -501,15 +504,16 @@ def _matched(values: _ComplexArray, shapes: _ComplexArray) -> tuple[NDArray[np.i
 def lowest_frequency(arm: Arm) -> float:
     """Return the lowest angular frequency (rad/s) of the straight arm with locked joints.
 
-    Without gravity and nonlinear springs. Infinite for a rigid arm. Closures do not count: they
-    only raise frequencies.
+    Without gravity and nonlinear springs. Infinite for a rigid arm. Coordinates of the base that no
+    spring holds are locked, too. Closures do not count: they only raise frequencies.
     """
     from scipy.linalg import eigh
 
-    elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+    constants = arm.assembly.constants
+    springless = [c.index for c in arm.assembly.base if constants.joint_stiffness[c.body] == 0.0]
+    elastic = np.setdiff1d(np.arange(arm.dof), [*arm.joint_index, *springless])
     if not elastic.size:
         return np.inf
-    constants = arm.assembly.constants
     springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
     mass = arm.mass_matrix(arm.rest(np.zeros(arm.joints)))[np.ix_(elastic, elastic)]
     square = eigh(np.diag(arm.unpadded(springs)[elastic]), mass, eigvals_only=True)

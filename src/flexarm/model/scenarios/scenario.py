@@ -232,6 +232,10 @@ class InitialState(Record):
     """Relative joint angles (rad)."""
     joint_rate: Listed[Number] | None = None
     """Relative joint rates (rad/s); zero by default."""
+    base_position: tuple[Number, Number, Number] | None = None
+    """Position x, y and angle of a base that moves (m, m, rad); zero by default."""
+    base_velocity: tuple[Number, Number, Number] | None = None
+    """Rates of x, y and angle of a base that moves (m/s, m/s, rad/s); zero by default."""
     equilibrium: Flag = False
     """Whether the run starts in the equilibrium with locked joints; otherwise the links start
     straight, or bent as at the start of a flexible reference."""
@@ -242,8 +246,9 @@ class InitialState(Record):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if not given.has("equilibrium"):
             return
-        if given.equilibrium and not given.absent("joint_rate"):
-            yield Fault(("joint_rate",), "cannot be combined with equilibrium")
+        for name in ("joint_rate", "base_velocity"):
+            if given.equilibrium and not given.absent(name):
+                yield Fault((name,), "cannot be combined with equilibrium")
         if given.has("balance") and given.balance and not given.equilibrium:
             yield Fault(("equilibrium",), "must be true with balance")
 

@@ -82,10 +82,11 @@ def fits_lanes(batch: Batch) -> bool:
 
 
 def arm_fits_lanes(arm: Arm) -> bool:
-    """Return whether lanes support the arm: compiled, no joint stops, bristles or sticking."""
+    """Return whether lanes support the arm: no joint stops, bristles, sticking or closures."""
     free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
     assembly = arm.assembly
-    return COMPILED and all(free) and not (assembly.has_bristles or assembly.has_sticking)
+    followed = assembly.has_bristles or assembly.has_sticking or arm.closure_rows
+    return COMPILED and all(free) and not followed
 
 
 class Ready(NamedTuple):

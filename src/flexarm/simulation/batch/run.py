@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.base.arguments import check_kind, check_options
 from flexarm.base.errors import (
     FlexarmWarning,
@@ -357,7 +358,11 @@ def simulate_batch(
     shared = Situation(arm=first, duration=duration, settings=checked, **options)
     own.check_events(shared.events)
     check_samples(reduced, float(shared.times[-1]))
-    starts = None if own.initial is None else own.initial[..., first.joint_index].ravel()
+    starts = (
+        None
+        if own.initial is None
+        else own.initial[..., first.joint_index[turning_joints(first)]].ravel()
+    )
     warn_of(implausible_run(first, shared.duration, checked.rate, starts))
     if model is not None and model.joints != first.joints:
         rule = f"have the number of joints of the arm ({model.joints})"

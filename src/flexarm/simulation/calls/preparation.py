@@ -62,6 +62,9 @@ Torque = ArrayLike | Callable[[float], ArrayLike] | PiecewiseCubic
 #: Samples in a run; samples of a controller; durations of a run and of its motion over each other.
 _SAMPLES, _UPDATES = Range(1.0 - 1e-9, 1e3, np.inf), Range(1.0 - 1e-9, 1e3, np.inf)
 _MOTION = Range(3e-3, 1.0, 500.0)
+#: Gap over the reach of a mechanism, and rate of a gap over the largest rate that its parts may
+#: cause, up to which a state closes its loops: beyond the digits in which users write numbers.
+_CLOSED = 1e-6
 #: Largest torque of a motor over that by which the weight turns the horizontal arm.
 _TORQUE = Range(1e-2, 3.0, 1e5)
 
@@ -486,4 +489,25 @@ def initial_state(
         hint = "Arm.rest(joint_rates) gives the rates of straight links."
         rule = f"have shape ({arm.dof},) for the rates of the coordinates"
         raise InputError(Problem("initial_rate", rule, f"shape {rates.shape}", hint))
+    if arm.closure_rows:
+        _check_closed(arm, given, rates)
     return arm.padded(np.stack([given, rates]))
+
+
+def _check_closed(arm: Arm, q: FloatArray, qd: FloatArray) -> None:
+    """Raise unless a state closes the loops of a mechanism, apart from rounding of the user's."""
+    gaps, jacobian = np.abs(arm.closure_gaps(q)), arm.closure_jacobian(q)
+    hint = "flexarm.assembled finds q and qd that close the loops near a guess."
+    if gaps.max() > _CLOSED * arm.lengths.sum():
+        number = arm.closure_numbers[int(np.argmax(gaps))]
+        rule = f"close the loops; the gap of arm.closures[{number - 1}] is {gaps.max():.3g} m"
+        raise InputError(Problem("initial", rule, hint=hint))
+    opening = np.abs(jacobian @ qd)
+    excess = opening - _CLOSED * np.abs(jacobian) @ np.abs(qd)
+    if excess.max() > 0.0:
+        worst = int(np.argmax(excess))
+        number = arm.closure_numbers[worst]
+        rule = (
+            f"keep the loops closed; arm.closures[{number - 1}] opens at {opening[worst]:.3g} m/s"
+        )
+        raise InputError(Problem("initial_rate", rule, hint=hint))

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, Unpack
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.base.errors import (
     AccuracyWarning,
     FlexarmError,
@@ -200,7 +201,7 @@ def simulate(
     simulated, initial = situation.simulated, situation.initial
     controller, reference, hardware = situation.controller, situation.reference, situation.hardware
     begin = simulated.unpadded(situation.start[0])
-    angles = None if initial is None else begin[simulated.joint_index]
+    angles = None if initial is None else begin[simulated.joint_index][turning_joints(simulated)]
     driven = angles, controller, reference, hardware
     warn_of(implausible_run(simulated, situation.duration, situation.settings.rate, *driven))
     with Meter("simulating", situation.settings.progress) as meter:
