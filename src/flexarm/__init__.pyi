@@ -84,7 +84,6 @@ from .identification.reading import read_record as read_record
 from .identification.record import MeasuredRecord as MeasuredRecord
 from .identification.result import Identification as Identification
 from .integrate import GeneralizedAlpha as GeneralizedAlpha
-from .linear import AssembledState as AssembledState
 from .linear import Equilibrium as Equilibrium
 from .linear import EquilibriumError as EquilibriumError
 from .linear import LinearModel as LinearModel

@@ -55,7 +55,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("design", "ControllerDesign", "InstrumentFault", "MovingHorizonEstimator"),
     ),
     "linear": (
-        *("equilibrium", "Equilibrium", "modes", "Modes", "track_modes", "campbell"),
+        *("equilibrium", "Equilibrium", "assembled", "modes", "Modes", "track_modes", "campbell"),
         *("ModeTracks", "linearize", "LinearModel", "Sensor", "save_linear"),
     ),
     "plots": (*(f"plot.{name}" for name in fa.plot.__all__), "animate", "report"),

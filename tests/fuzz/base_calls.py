@@ -32,6 +32,13 @@ def spinning() -> fa.Arm:
 
 
 @cache
+def linkage() -> fa.Arm:
+    """Return two links, the tip of which stays on a line."""
+    closures = [fa.Closure(kind="line", link=2)]
+    return fa.Arm(links=[LINK, LINK], closures=closures)
+
+
+@cache
 def motion() -> Any:
     return fa.joint_motion(arm(), start, end, 1.0)
 
@@ -173,6 +180,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Sensor": {"kind": "acceleration", "link": 1},
     "SurfaceTable": {"x": [-3.0, 0.0, 3.0], "y": [-3.0, -3.1, -3.0]},
     "Wall": {"point": [0.0, -3.0], "normal": [0.0, 1.0]},
+    "assembled": {"arm": linkage, "q": [0.1] * 6, "qd": [0.2] * 6, "held": [1]},
     "animate": {"results": result, "fps": 2.0, "width": 320},
     "campbell": {"arm": spinning, "spin": [0.0, 1.0], "count": 1},
     "citation": {"result": result},

@@ -15,9 +15,7 @@ FIXED = fa.Joint(fixed=True)
 
 
 def beam(length: float = LENGTH, **fields) -> fa.Link:
-    return bar(
-        length, flexural_rigidity=RIGIDITY, mass_per_length=MASS, elements=FINE, **fields
-    )
+    return bar(length, flexural_rigidity=RIGIDITY, mass_per_length=MASS, elements=FINE, **fields)
 
 
 def on_the_axis(joint: fa.Joint, *offsets: float, **fields) -> fa.Arm:
@@ -55,9 +53,7 @@ def test_closures_make_the_supports_of_beams(joint, offsets, roots):
 
 def test_two_cantilevers_joined_at_their_tips_are_one_beam():
     other = fa.Joint(fixed=True, offset=(2.0 * LENGTH, 0.0), mounting_angle=np.pi)
-    closures = [
-        fa.Closure(kind="line", link=1, offset=(x, 0.0), to_link=2) for x in (0.0, 0.3)
-    ]
+    closures = [fa.Closure(kind="line", link=1, offset=(x, 0.0), to_link=2) for x in (0.0, 0.3)]
     arm = fa.Arm(links=[beam(), beam(parent=0)], joints=[FIXED, other], closures=closures)
     assert_beam(frequencies(arm, 2), [4.730041, 7.853205], 2.0 * LENGTH)
 
@@ -197,6 +193,20 @@ def test_a_hanging_parallelogram_swings_as_in_closed_form():
     np.testing.assert_allclose(frequencies(arm, 1, q=rest, joints="free"), expected, rtol=1e-12)
 
 
+@pytest.mark.parametrize(("share", "stable"), [(0.995, True), (1.005, False)])
+def test_a_column_buckles_under_the_force_of_a_closure(share, stable):
+    """A lever with a load in its middle presses on the column, which is pinned at both ends."""
+    lever = bar(0.5, flexible=False, parent=0)
+    joints = [fa.Joint(mounting_angle=np.pi / 2), fa.Joint(offset=(-0.5, LENGTH))]
+    pin = fa.Closure(link=1, to_link=2)
+    arm = fa.Arm(links=[beam(), lever], joints=joints, closures=[pin])
+    load = 2.0 * share * np.pi**2 * RIGIDITY / LENGTH**2
+    middle = fa.Load(2, (0.0, -load), station=0.25)
+    rest = fa.equilibrium(arm, [0.0, 0.0], torque=[0.0, 0.0], loads=[middle])
+    np.testing.assert_allclose(rest.closure_forces, [0.0, 0.5 * load], atol=1e-9 * load)
+    assert rest.stable == stable
+
+
 def three_cranks(middle: float, **fields) -> tuple[fa.Arm, np.ndarray]:
     """Return a coupler on three parallel cranks, of which that in the middle has another length."""
     crank, coupler, slope = 0.4, 0.9, 1.1
@@ -222,7 +232,7 @@ def test_a_crank_that_is_redundant_for_rigid_links_bends_flexible_ones():
     longer, _ = three_cranks(0.401)
     bent = fa.assembled(longer, longer.rest(posture))
     np.testing.assert_allclose(longer.closure_gaps(bent.q), 0.0, atol=1e-12)
-    rest = fa.equilibrium(longer, start=bent.q, torque=np.zeros(4))
+    rest = fa.equilibrium(longer, start=bent.q, held=[1])
     assert np.abs(rest.closure_forces).max() > 1.0
     rigid, _ = three_cranks(0.401, flexible=False)
     with pytest.raises(fa.InputError, match=r"arm.closures\[\d\] is left"):

@@ -4,17 +4,19 @@ With the Jacobian ``J`` of the closures, small motions ``Z y`` in independent co
 the loops closed, ``J Z = 0``. An equilibrium is ``f = J' lambda`` for the force ``f`` that rest
 requires: ``Z' f = 0``, and the rows of ``f`` that belong to the dependent coordinates give
 ``lambda``. The stiffness is the derivative of ``f - J' lambda``: it contains the curvature of the
-closures, without which frequencies are wrong. Theory page "mechanisms".
+closures, without which frequencies are wrong. Theory page "small motion",
+(S.11) to (S.13).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, IntArray
 from flexarm.arm.assembly.coordinates import check_joint, coordinate_sizes
@@ -23,7 +25,7 @@ from flexarm.arm.bending import bending_warning
 from flexarm.base.arguments import as_list
 from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call, shown
 from flexarm.kernels.columns import GAP_RATE
-from flexarm.kernels.derivatives.sensitivity import potential_hessian
+from flexarm.kernels.derivatives.sensitivity import STEP, potential_hessian
 from flexarm.kernels.recursion.closures import ROW_ANGLE, closure_gaps
 from flexarm.model import Contact, Load
 
@@ -73,7 +75,7 @@ class Motions(NamedTuple):
             return matrix[np.ix_(self.independent, self.independent)]
         return np.asarray(self.basis.T @ matrix @ self.basis)
 
-    def displacements(self, moved: NDArray[np.inexact]) -> NDArray[np.inexact]:
+    def displacements(self, moved: NDArray[Any]) -> NDArray[Any]:
         """Return displacements (dof, ...) of those in independent coordinates (k, ...)."""
         if self.basis is not None:
             return np.asarray(self.basis @ moved)
@@ -160,7 +162,7 @@ def independent_motions(arm: Arm, q: FloatArray, free: IntArray) -> Motions:
     order = qr(scaled * _ease(arm)[free], mode="r", pivoting=True)[1]
     dependent = free[np.sort(order[: len(J)])]
     independent = np.setdiff1d(free, dependent)
-    solver = np.linalg.inv(J[:, dependent])
+    solver = np.asarray(np.linalg.inv(J[:, dependent]), dtype=np.float64)
     basis = np.zeros((arm.dof, independent.size))
     basis[independent, np.arange(independent.size)] = 1.0
     follow = -solver @ J[:, independent]
@@ -231,8 +233,6 @@ def stiffness_of(
     """Return `Arm.stiffness_matrix` (dof, dof) less the curvature of closures with ``forces``."""
     if not forces.size:
         return arm.stiffness_matrix(q, loads=loads, contacts=contacts)
-    from flexarm.arm.actions import Environment
-
     kernels = KernelView(arm.assembly.constants, complex)
     kernels.set_closure_forces(forces)
     n, width = kernels.shape
@@ -260,8 +260,6 @@ def least_forces(arm: Arm, q: FloatArray, force: FloatArray, free: IntArray) -> 
 
 def gap_rates_by_q(arm: Arm, q: FloatArray, qd: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the rates of the gaps (rows,) at q and qd, and their derivatives (rows, dof) by q."""
-    from flexarm.kernels.derivatives.sensitivity import STEP
-
     state = arm.padded(np.stack([q, qd])).astype(complex)
     kernels = KernelView(arm.assembly.constants, complex)
     by_q, flat = np.zeros((arm.closure_rows, arm.dof)), state[0].reshape(-1)
