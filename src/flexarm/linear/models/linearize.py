@@ -142,7 +142,7 @@ def _operating_point(
         raise InputError(Problem("torque, loads and contacts", rule))
     rates = np.zeros(arm.dof) if qd is None else check_array("qd", qd, (arm.dof,))
     refuse_open(arm, "q", q.q if isinstance(q, Equilibrium) else check_array("q", q, (arm.dof,)))
-    refuse_moving_apart(arm, q.q if isinstance(q, Equilibrium) else np.asarray(q), rates)
+    refuse_moving_apart(arm, "qd", q.q if isinstance(q, Equilibrium) else np.asarray(q), rates)
     if isinstance(q, Equilibrium):
         own = replace(q.environment, base_acceleration=environment.base_acceleration)
         return _Point(q.q, rates, q.torque.copy(), own)

@@ -201,13 +201,14 @@ def refuse_open(arm: Arm, name: str, q: FloatArray) -> None:
             raise InputError(Problem(name, "close the loops", _gap(arm, gaps, largest), hint))
 
 
-def refuse_moving_apart(arm: Arm, q: FloatArray, qd: FloatArray) -> None:
-    """Raise if rates qd (dof,) at the posture q do not keep the loops closed."""
+def refuse_moving_apart(arm: Arm, name: str, q: FloatArray, qd: FloatArray) -> None:
+    """Raise if rates qd (dof,), an argument ``name``, do not keep the loops closed at q."""
     if arm.closure_rows and np.any(qd):
-        _refuse_rates(arm, _scaled_jacobian(arm, q), qd, "fa.assembled(arm, q, qd) computes both.")
+        hint = "fa.assembled(arm, q, qd) computes both."
+        _refuse_rates(arm, name, _scaled_jacobian(arm, q), qd, hint)
 
 
-def _refuse_rates(arm: Arm, J: FloatArray, qd: FloatArray, hint: str) -> None:
+def _refuse_rates(arm: Arm, name: str, J: FloatArray, qd: FloatArray, hint: str) -> None:
     rates = qd / coordinate_sizes(arm)
     left, scale = np.abs(J @ rates), np.max(np.abs(J) @ np.abs(rates))
     worst = int(np.argmax(left))
@@ -215,7 +216,7 @@ def _refuse_rates(arm: Arm, J: FloatArray, qd: FloatArray, hint: str) -> None:
         speed = left[worst] * row_sizes(arm)[worst]
         unit = "rad/s" if arm.assembly.constants.ends[worst, 0] == ROW_ANGLE else "m/s"
         value = f"a gap that opens by {speed:.3g} {unit} at {_closures_of(arm, [worst])}"
-        raise InputError(Problem("qd", "keep the loops closed", value, hint))
+        raise InputError(Problem(name, "keep the loops closed", value, hint))
 
 
 def _gap(arm: Arm, gaps: FloatArray, row: int) -> str:
@@ -391,4 +392,4 @@ def _match_rates(arm: Arm, q: FloatArray, qd: FloatArray, movable: IntArray) -> 
     ease = np.minimum(_FIRST * _ease(arm)[movable], 1.0)
     to_rates = ease[:, None] * np.linalg.pinv(J[:, movable] * ease, rcond=_DEPENDENT)
     qd[movable] -= sizes[movable] * (to_rates @ (J @ (qd / sizes)))
-    _refuse_rates(arm, J, qd, "Hold fewer joints.")
+    _refuse_rates(arm, "qd", J, qd, "Hold fewer joints.")

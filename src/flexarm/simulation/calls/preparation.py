@@ -488,5 +488,5 @@ def initial_state(
         rule = f"have shape ({arm.dof},) for the rates of the coordinates"
         raise InputError(Problem("initial_rate", rule, f"shape {rates.shape}", hint))
     refuse_open(arm, "initial", given)
-    refuse_moving_apart(arm, given, rates)
+    refuse_moving_apart(arm, "initial_rate", given, rates)
     return arm.padded(np.stack([given, rates]))
