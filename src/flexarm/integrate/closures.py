@@ -68,11 +68,12 @@ def close_state(
 
 
 @merged
-def closures_depend(system: System) -> bool:
-    """Return whether closures depend on each other, after an evaluation at a posture.
+def independence(system: System) -> float:
+    """Return how independent closures are, after an evaluation at a posture: from 0 to 1.
 
-    They do if a pivot of J M^-1 J' is small beside the largest diagonal entry; of an angle, beside
-    its own. A pivot falls as the square of the distance from a singular posture.
+    It is the least pivot of J M^-1 J' beside the largest diagonal entry, of an angle beside its
+    own. It falls as the square of the distance (rad) from a posture in which they depend on each
+    other.
     """
     work = system.work
     largest = 0.0
@@ -88,7 +89,13 @@ def closures_depend(system: System) -> bool:
     for c in range(len(system.sizes.closures)):
         if system.sizes.ends[c, 0] != ROW_ANGLE:
             least = min(least, real(work.reaction[c, c]) / largest)
-    return not least > _DEPENDENT
+    return least
+
+
+@merged
+def closures_depend(system: System) -> bool:
+    """Return whether closures depend on each other, after an evaluation at a posture."""
+    return not independence(system) > _DEPENDENT
 
 
 @apart

@@ -11,7 +11,7 @@ from typing import Any
 
 from flexarm.integrate.base import System
 from flexarm.integrate.memory import KEPT, MOMENTUM, Memory
-from flexarm.kernels.columns import IS_FREE
+from flexarm.kernels.columns import IS_FREE, MULTIPLIER
 from flexarm.kernels.compilation.cache import apart, merged
 from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import Array
@@ -40,6 +40,8 @@ def keep_momentum(system: System, memory: Memory, state: Array) -> None:
     """Correct the rates of the base in a state (2, n, 1 + m) to the momentum at the first call."""
     sizes, clock = system.sizes, memory.clock
     rates = memory.spare
+    for c in range(len(sizes.closures)):  # their forces cancel
+        system.work.closure[c, MULTIPLIER] = 0.0
     for i in range(len(sizes.bodies)):
         for j in range(1 + len(sizes.modes)):
             rates[i, j] = state[1, i, j]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from flexarm.integrate.base import System
+from flexarm.integrate.closures import independence
 from flexarm.integrate.sticking import settle_next, sticks, take_directions
 from flexarm.integrate.torque import loads_at
 from flexarm.kernels.columns import (
@@ -43,7 +44,8 @@ def reactions_many(
     motor torque is the transmitted moment minus the joint's passive torque; for a joint with
     prescribed motion, it is the required torque. Also filled, for ``section_forces_many``:
     ``accelerations`` (samples, n, 1 + m) and ``root_accelerations`` (samples, n, 3) minus gravity;
-    and ``closing`` (samples, rows), the forces of closures on their first points.
+    and ``closing`` (samples, rows + 1), the forces of closures on their first points and their
+    ``independence``.
     """
     sizes, constants, work = system.sizes, system.constants, system.work
     for k in range(states.shape[0]):
@@ -56,6 +58,8 @@ def reactions_many(
             forward_dynamics(sizes, constants, states[k], torques[k], system.drive.loads, work)
         for c in range(len(sizes.closures)):
             closing[k, c] = work.closure[c, MULTIPLIER]
+        if len(sizes.closures) > 0:
+            closing[k, len(sizes.closures)] = independence(system)
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
                 accelerations[k, i, j] = work.acceleration[i, j]

@@ -14,6 +14,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.observe import bristle_channel, channels_of, contact_channels
+from flexarm.base.errors import AccuracyWarning, warn_caller
 from flexarm.integrate.base import FloatArray
 from flexarm.model import file_text
 from flexarm.simulation.run.channels import CHANNELS
@@ -60,8 +61,26 @@ def _channels_of_span(
     channels |= {"torque": motor, "joint_force": force, "joint_moment": moment}
     channels |= section_channels(inside)
     if run.arm.closure_rows:
-        channels["closure_force"] = closing
+        channels["closure_force"] = closing[:, :-1].copy()
+        _warn_of_singular_postures(times, closing[:, -1])
     return channels | contact_channels(run.arm, run.loads.placed.contacts, states)
+
+
+#: Independence of closures below which a run is near a singular posture: about 0.01 rad.
+_SINGULAR = 1e-4
+
+
+def _warn_of_singular_postures(times: FloatArray, independence: FloatArray) -> None:
+    """Warn if a mechanism passes a posture in which its closures depend on each other."""
+    nearest = int(np.argmin(independence))
+    if independence[nearest] < _SINGULAR:
+        near = np.sqrt(max(independence[nearest], 0.0))
+        warn_caller(
+            f"the mechanism is about {near:.1g} rad from a singular posture at "
+            f"t = {times[nearest]:.4g} s, where its closures depend on each other: beyond it, the "
+            "motion may continue in another working mode, and forces near it are uncertain.",
+            AccuracyWarning,
+        )
 
 
 class _Labels(NamedTuple):

@@ -185,7 +185,7 @@ def _misses_slip(run: Run, history: PiecewiseCubic, step: float) -> bool:
     torques = run.arm.padded_torque(history.at(times))
     accelerations, motor = np.zeros(states[:, 0].shape), np.zeros((places.size, n))
     root, wrench = np.zeros((2, places.size, n, 3))
-    closing = np.zeros((places.size, run.arm.closure_rows))
+    closing = np.zeros((places.size, run.arm.closure_rows + 1))
     reactions_many(system, times, states, torques, accelerations, root, wrench, motor, closing)
     return bool(np.any(rests[resting] & (accelerations[:, :, 0] != 0.0)))
 

@@ -193,13 +193,14 @@ class Run:
 
         Returns:
             Motor torques (T, joints), joint forces (T, links, 2) in world axes, joint moments
-            (T, links), section forces (stations, T, links, 3) and forces of closures (T, rows).
+            (T, links), section forces (stations, T, links, 3) forces of closures (T, rows) and their
+            independence (T,) in the last column of these.
         """
         arm, states = self.arm, self.samples[: len(times)]
         n = arm.assembly.bodies
         system = self.system(PiecewiseCubic.constant(np.zeros(arm.joints)))
         wrench, motor = np.zeros((len(times), n, 3)), np.zeros((len(times), n))
-        torques, closing = arm.padded_torque(given), np.zeros((len(times), arm.closure_rows))
+        torques, closing = arm.padded_torque(given), np.zeros((len(times), arm.closure_rows + 1))
         cuts = cuts_at(arm, self.stations) if self.stations else []
         sections = []  # the arm cut at one station of each link, with the loads inboard of these
         for cut in cuts:
