@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 import flexarm as fa
 from benchmarks.work_precision import Entry, Outcome, Run, timed
+from flexarm.simulation.run.settings import RunSettings, tolerances_of
 
 #: Module that each program needs in addition to the dependencies of flexarm.
 PEERS = {
@@ -52,7 +53,10 @@ def arm_of(case: Case, **options: Any) -> fa.Arm:
 
 
 def flexarm(case: Case, basis: str, build: Callable[[], fa.Arm], truth: str, **how: Any) -> Entry:
-    """Return the entry of flexarm with a basis and arguments of ``flexarm.simulate``."""
+    """Return the entry of flexarm with a basis and arguments of ``flexarm.simulate``.
+
+    The label of default arguments has the tolerances that ``flexarm.simulate`` derives from them.
+    """
 
     def prepare() -> Run:
         arm = build()
@@ -64,7 +68,8 @@ def flexarm(case: Case, basis: str, build: Callable[[], fa.Arm], truth: str, **h
     elif "rtol" in how:
         fixed = [tolerances(how["rtol"])]
     else:
-        fixed = [DEFAULTS]
+        relative, absolute, length = tolerances_of(RunSettings(), build())
+        fixed = [f"{DEFAULTS}: rtol {relative:.0e}, atol {absolute * length:.0e} m"]
     specialized = ["for its size"] if how.get("specialized") else []
     return Entry("flexarm", ", ".join([name, basis, *fixed, *specialized]), truth, prepare)
 
