@@ -22,11 +22,11 @@ _INDEX = """# Validation gallery
 When two simulators disagree, which one is right? These pages compare the package with problems
 that have a known solution. `make gallery` and the tests compute every number again.
 
-*Difference* is relative to the reference value. For distances, and for values that pass through
-zero, it is relative to a scale: the reach of the arm or the length of the beam. *Digits* is the
-number of digits that agree, -log₁₀ of the difference, and in brackets the number that the tests
-require. The pages give the reason for this number: a mesh, a truncated theory, or the
-last printed digit of the reference.
+*Digits* is the number of digits that agree, -log₁₀ of the difference relative to the reference
+value, and in brackets the number that the tests require. For distances, and for values that pass
+through zero, the difference is relative to a scale: the reach of the arm or the length of the beam.
+The pages give the reason for the required number: a mesh, a truncated theory, or the last printed
+digit of the reference.
 
 {pictures}
 
@@ -92,11 +92,11 @@ def picture_table(links: Sequence[tuple[Case, str]]) -> str:
 def _table(rows: Sequence[Row], sources: Sequence[Source], reasons: Sequence[str]) -> str:
     """The table of a case; sources and reasons have a column if they differ between rows."""
     cited, explained = several_cites(rows), len(reasons) > 1
-    head = ["quantity", "reference", "flexarm", "difference", "digits"]
+    head = ["quantity", "reference", "flexarm", "digits"]
     head += ["source"] * cited + ["reason"] * explained
     lines = [table_row(head), table_row(["---"] * len(head))]
     for row in rows:
-        values = *shown_values(row), f"{row.difference:.1e}", shown_digits(row)
+        values = *shown_values(row), shown_digits(row)
         notes = [str(sources.index(row.source) + 1)] * cited
         notes += [str(reasons.index(row.reason) + 1)] * explained
         lines.append(table_row([quantity_with_unit(row), *values, *notes]))

@@ -67,7 +67,7 @@ def test_case_agrees_with_its_references(case: Case, tmp_path: Path) -> None:
     assert [cells[0] for cells in committed] == [quantity_with_unit(row) for row in rows]
     if several_cites(rows):
         sources = list(dict.fromkeys(row.source for row in rows))
-        assert [cells[5] for cells in committed] == [str(sources.index(r.source) + 1) for r in rows]
+        assert [cells[4] for cells in committed] == [str(sources.index(r.source) + 1) for r in rows]
     for row, cells in zip(rows, committed, strict=True):
         for text, value in ((cells[1], row.theirs), (cells[2], row.ours)):
             assert abs(float(text) - value) <= allowed(row), f"{row.quantity}: run `make gallery`"
