@@ -90,16 +90,22 @@ def picture_table(links: Sequence[tuple[Case, str]]) -> str:
 
 
 def _table(rows: Sequence[Row], sources: Sequence[Source], reasons: Sequence[str]) -> str:
-    """The table of a case; sources and reasons have a column if they differ between rows."""
-    cited, explained = several_cites(rows), len(reasons) > 1
-    head = ["quantity", "reference", "flexarm", "digits"]
-    head += ["source"] * cited + ["reason"] * explained
+    """The table of a case; sources and reasons have a column if they differ between rows.
+
+    It is one column for both if they have the same numbers in all rows.
+    """
+    notes = {}
+    if several_cites(rows):
+        notes["source"] = [str(sources.index(row.source) + 1) for row in rows]
+    if len(reasons) > 1:
+        notes["reason"] = [str(reasons.index(row.reason) + 1) for row in rows]
+    if len(notes) > 1 and notes["source"] == notes["reason"]:
+        notes = {"source, reason": notes["source"]}
+    head = ["quantity", "reference", "flexarm", "digits", *notes]
     lines = [table_row(head), table_row(["---"] * len(head))]
-    for row in rows:
+    for row, *marks in zip(rows, *notes.values(), strict=True):
         values = *shown_values(row), shown_digits(row)
-        notes = [str(sources.index(row.source) + 1)] * cited
-        notes += [str(reasons.index(row.reason) + 1)] * explained
-        lines.append(table_row([quantity_with_unit(row), *values, *notes]))
+        lines.append(table_row([quantity_with_unit(row), *values, *marks]))
     return "\n".join(lines)
 
 
