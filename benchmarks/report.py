@@ -82,8 +82,9 @@ Compare ratios from the same run, because times depend on the machine and its lo
 one table were timed alternately. Times are medians, except those of the chain, which was timed
 once, and of the start-up, which are the minimum of a few runs.
 
-[Accuracy](accuracy.md) of the methods and [controllers compared](controllers.md) have pages of
-their own.
+[Accuracy](accuracy.md) of the methods, [controllers compared](controllers.md) and the
+[choice of modes](../how-to/choose-the-modes.md#reliability) have pages of their own: they count
+errors and evaluations, which do not depend on the machine.
 
 ## Forward dynamics, two links of four modes
 
