@@ -101,11 +101,11 @@ def _table(rows: Sequence[Row], sources: Sequence[Source], reasons: Sequence[str
         notes["reason"] = [str(reasons.index(row.reason) + 1) for row in rows]
     if len(notes) > 1 and notes["source"] == notes["reason"]:
         notes = {"source, reason": notes["source"]}
-    head = ["quantity", "reference", "flexarm", "digits", *notes]
+    quantity, *names = named_quantities(rows)
+    head = [quantity, "reference", "flexarm", "digits", *notes]
     lines = [table_row(head), table_row(["---"] * len(head))]
-    for row, *marks in zip(rows, *notes.values(), strict=True):
-        values = *shown_values(row), shown_digits(row)
-        lines.append(table_row([quantity_with_unit(row), *values, *marks]))
+    for name, row, *marks in zip(names, rows, *notes.values(), strict=True):
+        lines.append(table_row([name, *shown_values(row), shown_digits(row), *marks]))
     return "\n".join(lines)
 
 
@@ -114,9 +114,12 @@ def several_cites(rows: Sequence[Row]) -> bool:
     return len({row.source.cite for row in rows}) > 1
 
 
-def quantity_with_unit(row: Row) -> str:
-    """Name of a quantity, with its unit in brackets unless it is a pure number."""
-    return row.quantity if row.unit == "1" else f"{row.quantity} [{row.unit}]"
+def named_quantities(rows: Sequence[Row]) -> list[str]:
+    """Heading and names of quantities, with units in brackets; a common unit is in the heading."""
+    units = [f" [{row.unit}]" if row.unit != "1" else "" for row in rows]
+    if len({*units}) == 1:
+        return [f"quantity{units[0]}", *(row.quantity for row in rows)]
+    return ["quantity", *(row.quantity + unit for row, unit in zip(rows, units, strict=True))]
 
 
 def _list(title: str, items: Sequence[str], numbered: bool) -> str:

@@ -77,7 +77,7 @@ def contact_frequency(arm: Arm, placed: Contacts) -> float:
     # The speed is that of an undamped vibration of this depth.
     speed = np.sqrt(law[:, STIFFNESS] * law[:, MOBILITY] * depth ** (law[:, EXPONENT] + 1.0))
     times = [turning(placed, k, float(speed[k])) for k in range(placed.body.size)]
-    return max(1.0 / time for time in times)
+    return float(max(1.0 / time for time in times))
 
 
 def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
