@@ -70,12 +70,14 @@ def _mobility(arm: Arm, contact: Contact, q: FloatArray) -> float:
 
 def contact_frequency(arm: Arm, placed: Contacts) -> float:
     """Return the highest frequency (rad/s) of the arm on a surface; 0 without contacts."""
+    if not placed.body.size:
+        return 0.0
     turning, law = undecorated(turning_time), placed.law
     depth = _DEPTH * arm.reach
     # The speed is that of an undamped vibration of this depth.
     speed = np.sqrt(law[:, STIFFNESS] * law[:, MOBILITY] * depth ** (law[:, EXPONENT] + 1.0))
     times = [turning(placed, k, float(speed[k])) for k in range(placed.body.size)]
-    return max((1.0 / time for time in times), default=0.0)
+    return float(max(1.0 / time for time in times))
 
 
 def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
