@@ -156,37 +156,62 @@ class TangentAngle:
 
     Args:
         prescribed: rate and acceleration of the root angle as functions of time, or None for a pin.
+        moving: directions in which the root also moves, "", "x" or "xy".
+        carried: mass at the root, which moves with it.
+        rotary: rotary inertia of the sections per length.
+        load: force Fx, Fy and moment on the root.
     """
 
-    def __init__(self, n, length, rigidity, mass, *, gravity=0.0, prescribed=None):
+    def __init__(
+        self, n, length, rigidity, mass, *, gravity=0.0, prescribed=None, moving="", carried=0.0,
+        rotary=0.0, load=(0.0, 0.0, 0.0),
+    ):  # fmt: skip
         self.n, self.mass, self.gravity, self.prescribed = n, mass, gravity, prescribed
+        self.moving, self.load, self.start = moving, load, 0.0
         self.grid = line(2 * n + 6, length)
         constrained = prescribed is not None
         self.P, bend = polynomials(n, self.grid.s, length, constrained=constrained)
-        self.K = rigidity * bend.T @ (self.grid.w[:, None] * bend)
+        self.root = polynomials(n, [0.0], length, constrained=constrained)[0][0]
+        weight = self.grid.w[:, None]
+        self.K = rigidity * bend.T @ (weight * bend)
+        size = n + len(moving)
+        self.constant = np.zeros((size, size))
+        self.constant[:n, :n] = rotary * self.P.T @ (weight * self.P)
+        self.constant[n:, n:] = carried * np.eye(len(moving))
 
     def acceleration(self, t, q, qd):
+        n = self.n
         rate, change = (f(t) for f in self.prescribed) if self.prescribed else (0.0, 0.0)
-        angle, turning = self.P @ q, self.P @ qd + rate
+        angle, turning = self.P @ q[:n] + self.start, self.P @ qd[:n] + rate
         cosine, sine = np.cos(angle), np.sin(angle)
         integral, w = self.grid.integral, self.grid.w
         x, y = (integral @ (part[:, None] * self.P) for part in (-sine, cosine))
+        for direction in self.moving:
+            x = np.column_stack([x, np.full(w.size, float(direction == "x"))])
+            y = np.column_stack([y, np.full(w.size, float(direction == "y"))])
         ax = integral @ (-cosine * turning**2 - sine * change)
         ay = integral @ (-sine * turning**2 + cosine * change) + self.gravity
-        M = self.mass * (x.T @ (w[:, None] * x) + y.T @ (w[:, None] * y))
-        force = self.mass * (x.T @ (w * ax) + y.T @ (w * ay)) + self.K @ q
+        M = self.mass * (x.T @ (w[:, None] * x) + y.T @ (w[:, None] * y)) + self.constant
+        force = self.mass * (x.T @ (w * ax) + y.T @ (w * ay))
+        force[:n] += self.K @ q[:n] - self.load[2] * self.root
+        force[n:] -= self.load[: len(self.moving)]
         return -np.linalg.solve(M, force)
 
-    def tips(self, times, rtol):
-        """Return the tip (times, 2) in axes that turn with the prescribed angle, from a straight
-        start at rest."""
-        n = self.n
+    def run(self, times, rtol, start=0.0):
+        """Return coordinates (times, n + moving) from a straight start at rest, at an angle."""
+        self.start, size = start, self.n + len(self.moving)
 
         def rates(t, state):
-            return np.concatenate([state[n:], self.acceleration(t, state[:n], state[n:])])
+            acceleration = self.acceleration(t, state[:size], state[size:])
+            return np.concatenate([state[size:], acceleration])
 
-        start = np.zeros(2 * n)
+        zero = np.zeros(2 * size)
         span = (0.0, times[-1])
-        run = solve_ivp(rates, span, start, "DOP853", t_eval=times, rtol=rtol, atol=1e-12)
-        angle = self.P @ run.y[:n]
-        return np.stack([self.grid.w @ np.cos(angle), self.grid.w @ np.sin(angle)], axis=1)
+        motion = solve_ivp(rates, span, zero, "DOP853", t_eval=times, rtol=rtol, atol=1e-12)
+        return motion.y[:size].T
+
+    def tips(self, times, rtol):
+        """Return the tip (times, 2) in axes that turn with the prescribed angle, relative to the
+        root, from a straight start at rest."""
+        angle = self.run(times, rtol)[:, : self.n] @ self.P.T + self.start
+        return np.stack([np.cos(angle) @ self.grid.w, np.sin(angle) @ self.grid.w], axis=1)
