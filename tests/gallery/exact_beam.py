@@ -70,6 +70,7 @@ class RitzBeam:
         rigidity=1.0,
         mass=1.0,
         hub=0.0,
+        root_mass=0.0,
         tip_mass=0.0,
         tip_inertia=0.0,
         rotary=0.0,
@@ -100,6 +101,7 @@ class RitzBeam:
         self.M = self.axis_mass + mass * rotary * turn.T @ (weight * turn)
         self.M += hub * np.outer(end_turn[0], end_turn[0])
         self.M += tip_mass * np.outer(tip, tip)
+        self.M[-1, -1] += root_mass  # of a free root, whose translation is the last coordinate
         self.M += tip_inertia * np.outer(end_turn[1], end_turn[1])
         self.K = rigidity * bend.T @ (weight * bend)
         if shear:
@@ -210,8 +212,16 @@ class TangentAngle:
         motion = solve_ivp(rates, span, zero, "DOP853", t_eval=times, rtol=rtol, atol=1e-12)
         return motion.y[:size].T
 
+    def tips_of(self, motion):
+        """Return the tip (times, 2) of coordinates of ``run``, in axes that turn with a prescribed
+        angle, from the start of the root."""
+        angle = motion[:, : self.n] @ self.P.T + self.start
+        tips = np.stack([np.cos(angle) @ self.grid.w, np.sin(angle) @ self.grid.w], axis=1)
+        for k, direction in enumerate(self.moving):
+            tips[:, "xy".index(direction)] += motion[:, self.n + k]
+        return tips
+
     def tips(self, times, rtol):
-        """Return the tip (times, 2) in axes that turn with the prescribed angle, relative to the
-        root, from a straight start at rest."""
-        angle = self.run(times, rtol)[:, : self.n] @ self.P.T + self.start
-        return np.stack([np.cos(angle) @ self.grid.w, np.sin(angle) @ self.grid.w], axis=1)
+        """Return the tip (times, 2) in axes that turn with the prescribed angle, from a straight
+        start at rest."""
+        return self.tips_of(self.run(times, rtol))
