@@ -6,9 +6,13 @@ from gallery.case import Case, Page
 from gallery.cases import (
     boom,
     cantilever,
+    cart,
     clamped_beam,
     elastica,
     euler_column,
+    flying_spaghetti,
+    four_bar,
+    free_flyer,
     hub,
     link_modes,
     own_weight,
@@ -17,6 +21,7 @@ from gallery.cases import (
     rotary_inertia,
     rotating_beam,
     slewing,
+    slider_crank,
     spin_up,
     two_link_frequencies,
     two_link_motion,
@@ -42,6 +47,11 @@ PAGES: tuple[Page, ...] = (
         "motion",
         "Motion",
         (slewing.CASE, spin_up.CASE, pendulum.CASE, two_link_motion.CASE, boom.CASE),
+    ),
+    Page(
+        "mechanisms",
+        "Mechanisms",
+        (four_bar.CASE, slider_crank.CASE, cart.CASE, free_flyer.CASE, flying_spaghetti.CASE),
     ),
 )
 

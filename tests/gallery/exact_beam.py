@@ -70,6 +70,7 @@ class RitzBeam:
         rigidity=1.0,
         mass=1.0,
         hub=0.0,
+        root_mass=0.0,
         tip_mass=0.0,
         tip_inertia=0.0,
         rotary=0.0,
@@ -100,6 +101,7 @@ class RitzBeam:
         self.M = self.axis_mass + mass * rotary * turn.T @ (weight * turn)
         self.M += hub * np.outer(end_turn[0], end_turn[0])
         self.M += tip_mass * np.outer(tip, tip)
+        self.M[-1, -1] += root_mass  # of a free root, whose translation is the last coordinate
         self.M += tip_inertia * np.outer(end_turn[1], end_turn[1])
         self.K = rigidity * bend.T @ (weight * bend)
         if shear:
@@ -156,37 +158,70 @@ class TangentAngle:
 
     Args:
         prescribed: rate and acceleration of the root angle as functions of time, or None for a pin.
+        moving: directions in which the root also moves, "", "x" or "xy".
+        carried: mass at the root, which moves with it.
+        rotary: rotary inertia of the sections per length.
+        load: force Fx, Fy and moment on the root.
     """
 
-    def __init__(self, n, length, rigidity, mass, *, gravity=0.0, prescribed=None):
+    def __init__(
+        self, n, length, rigidity, mass, *, gravity=0.0, prescribed=None, moving="", carried=0.0,
+        rotary=0.0, load=(0.0, 0.0, 0.0),
+    ):  # fmt: skip
         self.n, self.mass, self.gravity, self.prescribed = n, mass, gravity, prescribed
+        self.moving, self.load, self.start = moving, load, 0.0
         self.grid = line(2 * n + 6, length)
         constrained = prescribed is not None
         self.P, bend = polynomials(n, self.grid.s, length, constrained=constrained)
-        self.K = rigidity * bend.T @ (self.grid.w[:, None] * bend)
+        self.root = polynomials(n, [0.0], length, constrained=constrained)[0][0]
+        weight = self.grid.w[:, None]
+        self.K = rigidity * bend.T @ (weight * bend)
+        size = n + len(moving)
+        self.constant = np.zeros((size, size))
+        self.constant[:n, :n] = rotary * self.P.T @ (weight * self.P)
+        self.constant[n:, n:] = carried * np.eye(len(moving))
 
     def acceleration(self, t, q, qd):
+        n = self.n
         rate, change = (f(t) for f in self.prescribed) if self.prescribed else (0.0, 0.0)
-        angle, turning = self.P @ q, self.P @ qd + rate
+        angle, turning = self.P @ q[:n] + self.start, self.P @ qd[:n] + rate
         cosine, sine = np.cos(angle), np.sin(angle)
         integral, w = self.grid.integral, self.grid.w
         x, y = (integral @ (part[:, None] * self.P) for part in (-sine, cosine))
+        for direction in self.moving:
+            x = np.column_stack([x, np.full(w.size, float(direction == "x"))])
+            y = np.column_stack([y, np.full(w.size, float(direction == "y"))])
         ax = integral @ (-cosine * turning**2 - sine * change)
         ay = integral @ (-sine * turning**2 + cosine * change) + self.gravity
-        M = self.mass * (x.T @ (w[:, None] * x) + y.T @ (w[:, None] * y))
-        force = self.mass * (x.T @ (w * ax) + y.T @ (w * ay)) + self.K @ q
+        M = self.mass * (x.T @ (w[:, None] * x) + y.T @ (w[:, None] * y)) + self.constant
+        force = self.mass * (x.T @ (w * ax) + y.T @ (w * ay))
+        force[:n] += self.K @ q[:n] - self.load[2] * self.root
+        force[n:] -= self.load[: len(self.moving)]
         return -np.linalg.solve(M, force)
+
+    def run(self, times, rtol, start=0.0):
+        """Return coordinates (times, n + moving) from a straight start at rest, at an angle."""
+        self.start, size = start, self.n + len(self.moving)
+
+        def rates(t, state):
+            acceleration = self.acceleration(t, state[:size], state[size:])
+            return np.concatenate([state[size:], acceleration])
+
+        zero = np.zeros(2 * size)
+        span = (0.0, times[-1])
+        motion = solve_ivp(rates, span, zero, "DOP853", t_eval=times, rtol=rtol, atol=1e-12)
+        return motion.y[:size].T
+
+    def tips_of(self, motion):
+        """Return the tip (times, 2) of coordinates of ``run``, in axes that turn with a prescribed
+        angle, from the start of the root."""
+        angle = motion[:, : self.n] @ self.P.T + self.start
+        tips = np.stack([np.cos(angle) @ self.grid.w, np.sin(angle) @ self.grid.w], axis=1)
+        for k, direction in enumerate(self.moving):
+            tips[:, "xy".index(direction)] += motion[:, self.n + k]
+        return tips
 
     def tips(self, times, rtol):
         """Return the tip (times, 2) in axes that turn with the prescribed angle, from a straight
         start at rest."""
-        n = self.n
-
-        def rates(t, state):
-            return np.concatenate([state[n:], self.acceleration(t, state[:n], state[n:])])
-
-        start = np.zeros(2 * n)
-        span = (0.0, times[-1])
-        run = solve_ivp(rates, span, start, "DOP853", t_eval=times, rtol=rtol, atol=1e-12)
-        angle = self.P @ run.y[:n]
-        return np.stack([self.grid.w @ np.cos(angle), self.grid.w @ np.sin(angle)], axis=1)
+        return self.tips_of(self.run(times, rtol))

@@ -11,7 +11,7 @@ import pytest
 from exact_beam import RitzBeam, TangentAngle, two_link_frequencies
 from gallery.references import DATA, history, reference
 from gallery.two_link import LENGTHS, ROD
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc, jv
@@ -220,6 +220,89 @@ def test_falling_pendulum():
     # Eight polynomials here, sixteen in the reference, because the release at the pin excites high
     # modes.
     np.testing.assert_allclose(found, [case["tip"] for case in known], rtol=0.0, atol=1e-5)
+
+
+def test_four_bar():
+    """Angles by intersecting circles in the complex plane; times by the energy equation."""
+    lengths, masses = np.array([0.3, 0.9, 0.7]), np.array([0.3, 0.72, 0.42])
+
+    def loop(angle):
+        """Return unit vectors of the links and their rates for a crank at 1 rad/s."""
+        crank = np.exp(1j * angle)
+        span = 1.0 - 0.3 * crank
+        length = abs(span)
+        turn = math.acos((0.9**2 + length**2 - 0.7**2) / (2 * 0.9 * length))
+        coupler = span / length * np.exp(1j * turn)
+        rocker = (0.3 * crank + 0.9 * coupler - 1.0) / 0.7
+        columns = [0.9 * coupler, -0.7 * rocker]
+        matrix = [[part(1j * c) for c in columns] for part in (np.real, np.imag)]
+        right = [-part(0.3j * crank) for part in (np.real, np.imag)]
+        return np.array([crank, coupler, rocker]), np.append(1.0, np.linalg.solve(matrix, right))
+
+    def energies(angle):
+        """Return half the inertia and the potential of gravity at an angle of the crank."""
+        units, rates = loop(angle)
+        roots = np.array([0.0, 0.3 * units[0], 1.0])
+        speeds = np.array([0.0, 0.3j * units[0], 0.0]) + 0.5j * lengths * units * rates
+        kinetic = 0.5 * masses @ (abs(speeds) ** 2 + (lengths * rates) ** 2 / 12)
+        return kinetic, 9.81 * masses @ (roots + 0.5 * lengths * units).imag
+
+    kinetic, potential = energies(0.0)
+    total = kinetic * 9.0**2 + potential
+
+    def slowness(angle):
+        kinetic, potential = energies(angle)
+        return math.sqrt(kinetic / (total - potential))
+
+    for case in values("mechanisms", "four_bar"):
+        time = quad(slowness, 0.0, case["crank"], epsabs=1e-13, epsrel=1e-13, limit=200)[0]
+        assert time == pytest.approx(case["t"], abs=1e-11)
+        known = np.exp(1j * np.array([case[name] for name in ("crank", "coupler", "rocker")]))
+        np.testing.assert_allclose(loop(case["crank"])[0], known, rtol=0.0, atol=2e-12)
+
+
+def test_rigid_pendulum_on_a_cart():
+    """Horizontal momentum is zero; the substitution of the angle removes the singular start."""
+    known = values("mechanisms", "cart")
+    cart, rod, gravity = 2.0, 1.0, 9.81
+
+    def slowness(u):  # the rod has fallen by the angle u^2
+        inertia = rod / 3 - (rod / 2 * math.sin(u * u)) ** 2 / (cart + rod)
+        fall = np.sinc(u * u / np.pi) * rod * gravity  # 2 m g l sin(u^2) / u^2
+        return 2.0 * math.sqrt(inertia / fall)
+
+    half = quad(slowness, 0.0, math.sqrt(math.pi / 2), epsabs=1e-14, epsrel=1e-14)[0]
+    assert 2.0 * half == pytest.approx(known["time"], abs=1e-11)
+    assert known["displacement"] == pytest.approx(rod / (cart + rod), abs=1e-11)
+
+
+def test_free_flyer():
+    rod = {"length": 3.372, "rigidity": 100.6, "mass": 2.82}
+    ends = 5.18 * rod["mass"] * rod["length"]
+    beam = RitzBeam("free", 18, root_mass=ends, tip_mass=ends, **rod)
+    found = beam.frequencies(rigid=2)[:4]
+    np.testing.assert_allclose(found, values("mechanisms", "free_flyer"), **CLOSE)
+
+
+@pytest.mark.thorough
+def test_flexible_pendulum_on_a_cart():
+    known = values("mechanisms", "flexible_cart")[:2]
+    beam = TangentAngle(8, 1.0, 2.0, 0.2, gravity=9.81, moving="x", carried=0.1)
+    motion = beam.run([case["t"] for case in known], rtol=1e-8)
+    tips = beam.tips_of(motion)
+    # Eight polynomials here, fourteen in the reference, as for the pendulum on a pin.
+    np.testing.assert_allclose(tips, [case["tip"] for case in known], rtol=0.0, atol=1e-5)
+    np.testing.assert_allclose(motion[:, -1], [c["cart"] for c in known], rtol=0.0, atol=1e-5)
+
+
+def test_flying_spaghetti():
+    beam = TangentAngle(14, 10.0, 100.0, 1.0, moving="xy", rotary=10.0, load=(8.0, 0.0, -80.0))
+    motion = beam.run([2.5], rtol=1e-8, start=math.atan2(8.0, -6.0))
+    known = values("mechanisms", "spaghetti")
+    # The load acts suddenly, so that the error decreases slowly with the number of polynomials.
+    for found, name in ((motion[:, -2:] + [6.0, 0.0], "root"), (beam.tips_of(motion), "tip")):
+        shift = [6.0, 0.0] if name == "tip" else [0.0, 0.0]
+        np.testing.assert_allclose(found[0] + shift, known[name], rtol=0.0, atol=3e-3)
 
 
 def test_histories_are_complete():
