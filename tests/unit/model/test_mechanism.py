@@ -51,8 +51,8 @@ MECHANISM = {
 
 #: Values that no field, or only some fields of a mechanism accept.
 WRONG = (
-    *(None, "", "no", "5 mm", True, math.nan, math.inf, -1, 0.0, 2, 256, 1e308, 5e-324),
-    *([], [1.0], [1e308, 1e308], ["x"], {}, {"link": 1}, LINK, object()),
+    *(None, "", "no", "5 mm", True, math.nan, math.inf, -1, 0.0, 2, 256, 1.7e308, 5e-324),
+    *([], [1.0], [1.7e308, 1.7e308], ["x"], {}, {"link": 1}, LINK, object()),
 )
 
 
