@@ -11,9 +11,9 @@ from random_mechanisms import random_mechanism, random_motion
 
 #: Rounding of forces over the largest product of the mass matrix and the accelerations. Mass
 #: matrices have conditions up to 1e7, so that accelerations themselves may differ by more.
-FORCES = 1e-9
+FORCES = 1e-11
 #: Closure forces follow from accelerations: the same, times the condition of J M^-1 J'.
-CLOSURE_FORCES = 1e-6
+CLOSURE_FORCES = 1e-9
 
 
 def relative(found: np.ndarray, expected: np.ndarray) -> float:
@@ -34,7 +34,7 @@ def wrapped(angle: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])
 @pytest.mark.parametrize("closures", [False, True])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [*range(12), 13, 44])
 def test_recursion_agrees_with_material_points(seed: int, closures: bool, theory: str) -> None:
     arm = fa.Arm(**random_mechanism(seed, closures=closures, theory=theory))
     oracle = oracle_of(arm)

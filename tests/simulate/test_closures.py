@@ -107,7 +107,10 @@ def test_singular_posture_is_reported_with_its_time() -> None:
 
 def test_start_in_a_singular_posture_ends_the_run() -> None:
     arm, posture = flat_parallelogram(1e-6)
-    with pytest.raises(fa.SimulationError, match="singular"):
+    with (
+        pytest.warns(fa.AccuracyWarning, match="singular"),
+        pytest.raises(fa.SimulationError, match="singular"),
+    ):
         fa.simulate(arm, duration=1.0, initial=posture)
 
 

@@ -1,4 +1,4 @@
-"""Momentum of a mechanism on which nothing external acts, kept at the end of each step.
+"""Momentum of a mechanism on which nothing external acts, kept at steps and samples.
 
 Runge-Kutta methods do not conserve momentum, because it is not linear in coordinates and rates. The
 correction with the least kinetic energy is a rigid motion of the whole mechanism, which the three
@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexarm.integrate.base import System
+from flexarm.integrate.closures import close_state
 from flexarm.integrate.memory import KEPT, MOMENTUM, Memory
 from flexarm.kernels.columns import IS_FREE, MULTIPLIER
 from flexarm.kernels.compilation.cache import apart, merged
@@ -75,3 +76,14 @@ def keep_momentum(system: System, memory: Memory, state: Array) -> None:
     state[1, 2, 0] += spin
     state[1, 0, 0] += (dx - ax * spin) / mass
     state[1, 1, 0] += (dy - ay * spin) / mass
+
+
+@merged
+def keep_sample(system: System, memory: Memory, sample: Array, alone: bool) -> None:
+    """Move a sample inside a step onto closures, and to the momentum of a mechanism ``alone``."""
+    if len(system.sizes.closures) > 0:
+        close_state(
+            system.sizes, system.constants, sample, memory.torque, system.drive.loads, system.work
+        )
+    if alone:
+        keep_momentum(system, memory, sample)

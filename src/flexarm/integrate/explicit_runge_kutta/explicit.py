@@ -9,7 +9,7 @@ import numpy as np
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.closures import close_step
 from flexarm.integrate.memory import BETWEEN, EVALUATIONS, KEPT, STEP, Memory
-from flexarm.integrate.momentum import is_alone, keep_momentum
+from flexarm.integrate.momentum import is_alone, keep_momentum, keep_sample
 from flexarm.integrate.nearness import step_on
 from flexarm.integrate.samples import begin_call, dense_weights, sample_before
 from flexarm.integrate.status import DONE, PAUSED
@@ -113,8 +113,7 @@ def advance_explicit(
             extra = rows
             dense_weights(record.dense, (memory.sample_times[sample] - t) / h, record.weights)
             combine(sizes, state, stages, record.weights, zero, rows, h, out)
-            if alone:
-                keep_momentum(system, memory, out)
+            keep_sample(system, memory, out, alone)
             sample = sample_before(memory, t_new)
         next_step(system, memory, stages, s, t_new, h, lands, adaptive, record.order, until)
         t = t_new

@@ -19,7 +19,7 @@ from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.closures import close_step
 from flexarm.integrate.implicit.bristles import bend_bristles, hold_bristles
 from flexarm.integrate.memory import BETWEEN, EVALUATIONS, KEPT, SAMPLES, SOFTENED, STEP, Memory
-from flexarm.integrate.momentum import is_alone, keep_momentum
+from flexarm.integrate.momentum import is_alone, keep_momentum, keep_sample
 from flexarm.integrate.nearness import step_on
 from flexarm.integrate.samples import begin_call, samples_between
 from flexarm.integrate.status import DONE, PAUSED
@@ -199,9 +199,8 @@ def advance_additive(
         step_on(system.drive.loads.contacts)
         first = int(counts[SAMPLES])
         samples_between(system, tolerance, memory, stages, t, h, t_new)
-        if alone:
-            for sample in range(first, int(counts[SAMPLES])):
-                keep_momentum(system, memory, memory.samples[sample])
+        for sample in range(first, int(counts[SAMPLES])):
+            keep_sample(system, memory, memory.samples[sample], alone)
         next_step(system, memory, stages, s, t_new, h, lands, controlled, record.order, until)
         t = t_new
         if t >= until:

@@ -16,6 +16,7 @@ from flexarm.kernels.recursion.symmetric import (
     read_symmetric,
     shifted,
     softened,
+    softened_by_factors,
     transformed,
     turned,
     write_full,
@@ -305,7 +306,11 @@ def inward(
         zx, zy, zw = z
 
         # The outboard chain in series with the modes, moved to the root.
-        Y = softened((Wxx, Wxy, Wyy, Wxw, Wyw, Www), N)
+        W_tip = (Wxx, Wxy, Wyy, Wxw, Wyw, Www)
+        if len(sizes.tree) > 0:
+            Y = softened_by_factors(W_tip, N)
+        else:
+            Y = softened(W_tip, N)
         Yxx, Yxy, Yyy, Yxw, Yyw, Yww = Y
         ex = zx + Nxx * kx + Nxy * ky + Nxw * kw
         ey = zy + Nxy * kx + Nyy * ky + Nyw * kw

@@ -9,6 +9,11 @@ from typing import Any
 
 from flexarm.kernels.compilation.cache import merged
 
+#: Added to divisors that may be zero.
+_TINY = 1e-300
+#: Pivot over its diagonal entry that is a rounding error.
+_ROUNDING = 1e-14
+
 
 @merged
 def softened(W: Any, N: Any) -> Any:
@@ -45,6 +50,43 @@ def softened(W: Any, N: Any) -> Any:
     Yyw = d * (cyx * Wxw + cyy * Wyw + cyw * Www)
     Yww = d * (cwx * Wxw + cwy * Wyw + cww * Www)
     return Yxx, Yxy, Yyy, Yxw, Yyw, Yww
+
+
+@merged
+def softened_by_factors(W: Any, N: Any) -> Any:
+    """Return the same, accurate for a heavy body far from the point of reference, (M.5).
+
+    With W = L D L' and B = L' N L, Y = L (1 + D B)^-1 D L': both matrices that are eliminated are
+    positive (semi)definite, so that no large numbers are subtracted. The cofactors of 1 + W N lose
+    the square of its condition, but need one division instead of five in a row.
+    """
+    Wxx, Wxy, Wyy, Wxw, Wyw, Www = W
+    Nxx, Nxy, Nyy, Nxw, Nyw, Nww = N
+    # W = L D L' in the order w, y, x; the columns of L are (1, a, b), (0, 1, e), (0, 0, 1).
+    a, b = Wyw / (Www + _TINY), Wxw / (Www + _TINY)
+    d1, d2 = Www, Wyy - a * Wyw
+    left = Wxy - b * Wyw
+    rounding = _ROUNDING * Wyy
+    e = left * d2 / (d2 * d2 + rounding * rounding + _TINY)  # left / d2, or 0 for a singular W
+    d3 = Wxx - b * Wxw - e * left
+    tw, ty, tx = Nww + a * Nyw + b * Nxw, Nyw + a * Nyy + b * Nxy, Nxw + a * Nxy + b * Nxx
+    sx = Nxy + e * Nxx
+    Bww, Byw = tw + a * ty + b * tx, ty + e * tx
+    Byy = Nyy + e * Nxy + e * sx
+    # Z = (1 + D B)^-1 D, whose pivots are at least 1.
+    p1 = 1.0 + d1 * Bww
+    p2 = 1.0 + d2 * Byy - d2 * Byw / p1 * d1 * Byw
+    q = sx - d1 * tx * Byw / p1
+    p3 = 1.0 + d3 * Nxx - d3 * tx / p1 * d1 * tx - d3 * q / p2 * d2 * q
+    Zxx = d3 / p3
+    Zxy = -d2 * q / p2 * Zxx
+    Zxw = -(d1 * tx * Zxx + d1 * Byw * Zxy) / p1
+    Zyy = d2 / p2 * (1.0 - q * Zxy)
+    Zyw = -d1 * (Byw * Zyy + tx * Zxy) / p1
+    Zww = d1 / p1 * (1.0 - Byw * Zyw - tx * Zxw)
+    Yyw, Yxw = a * Zww + Zyw, b * Zww + e * Zyw + Zxw
+    uyy, uxy, uxx = a * Zyw + Zyy, b * Zyw + e * Zyy + Zxy, b * Zxw + e * Zxy + Zxx
+    return b * Yxw + e * uxy + uxx, a * Yxw + uxy, a * Yyw + uyy, Yxw, Yyw, Zww
 
 
 @merged
