@@ -17,6 +17,7 @@ ARM = {
     "joints": [{"hub_inertia": 0.1}, {"hub_inertia": 0.05}],
 }
 RUN = {"duration": 0.02, "rate": 500.0}
+CART = {"arm": {**ARM, "base": {"mass": 1.0, "free": ["x"]}}}
 SCENARIO = {"arm": ARM, "run": RUN}
 MOTION = {"kind": "joint", "start": [0.3, 0.2], "end": [0.5, 0.4], "duration": 0.1}
 PD = {"kind": "joint_pd", "proportional": 8.0, "derivative": 0.8, "sample_time": 0.002}
@@ -39,6 +40,8 @@ CASES = {
     "run": ({**RUN, "duration": 0.03}, {}),
     "initial.joint_angle": ([0.1, 0.2], {}),
     "initial.joint_rate": ([1.0, 0.2], {}),
+    "initial.base_position": ([0.1, 0.0, 0.0], CART),
+    "initial.base_velocity": ([0.1, 0.0, 0.0], CART),
     "initial.equilibrium": (True, {}),
     "initial.balance": (True, {"initial": {"equilibrium": True}}),
     "run.duration": (0.03, {}),

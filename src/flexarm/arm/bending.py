@@ -10,6 +10,7 @@ deflection. Theory page "link", section 11.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -129,7 +130,7 @@ def _paths(arm: Arm) -> list[tuple[list[int], list[float]]]:
     for end in sorted(set(range(arm.links)) - set(spec.parents)):
         path, beyond, there = [end], [0.0], 0.0
         while (carrier := spec.parents[path[0]]) >= 0:
-            there += float(np.hypot(*spec.joints[path[0]].offset)) + spec.links[path[0]].reach
+            there += math.hypot(*spec.joints[path[0]].offset) + spec.links[path[0]].reach
             there -= spec.links[carrier].length - station_of(spec, path[0])
             path, beyond = [carrier, *path], [max(there, 0.0), *beyond]
         paths.append((path, beyond))

@@ -40,7 +40,12 @@ class Links:
 
     @property
     def spec(self) -> SimpleNamespace:
-        return SimpleNamespace(joints=[Joint()] * self.links)
+        joints = [Joint()] * self.links
+        return SimpleNamespace(joints=joints, is_serial=True, features=())
+
+    @property
+    def reach(self) -> float:
+        return float(np.sum(self.lengths))
 
 
 def derivative(function: Callable[[np.ndarray], np.ndarray], t: np.ndarray, step: float):

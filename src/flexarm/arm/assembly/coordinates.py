@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -136,7 +137,7 @@ class Coordinates:
             if parent >= 0:
                 start = ends[parent] - self.spec.links[parent].length
                 start += station_of(self.spec, i)
-            ends.append(start + float(np.hypot(*joint.offset)) + link.reach)
+            ends.append(start + math.hypot(*joint.offset) + link.reach)
         return max(ends)
 
     @public_call
@@ -187,9 +188,9 @@ class Coordinates:
             rule = f"be a list of one array for each of the {self.links} links"
             raise InputError(Problem("nodal", rule, shown(nodal)))
         values = {
-            i: check_array(f"nodal[{i}]", items[i], (link.elements, 2))
-            for i, link in enumerate(self.spec.links)
-            if link.flexible
+            i: check_array(f"nodal[{i}]", items[i], (count, 2))
+            for i, count in enumerate(self._elements())
+            if self.spec.links[i].flexible
         }
         for piece in self.assembly.pieces:
             if piece.shapes.w2.size:
@@ -203,12 +204,16 @@ class Coordinates:
         (elements, 2) for each link; without shear the rotation is the slope.
         """
         values = check_array("q", q, (self.dof,))
-        shapes = [np.zeros((link.elements, 2)) for link in self.spec.links]
+        shapes = [np.zeros((count, 2)) for count in self._elements()]
         for piece in self.assembly.pieces:
             if piece.shapes.w2.size:
                 bent = piece.shapes.basis @ values[piece.modal]
                 shapes[piece.link][piece.rows] = bent.reshape(-1, 2)
         return shapes
+
+    def _elements(self) -> list[int]:
+        """Return the numbers of elements of the links, which have at least one in each piece."""
+        return [self.assembly.pieces_of(i)[-1].rows.stop for i in range(self.links)]
 
     @public_call
     def padded(self, vector: ArrayLike) -> FloatArray:

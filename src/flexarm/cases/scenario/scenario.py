@@ -357,8 +357,8 @@ def prepare(
     options["initial"] = start.q
     rate, velocity = scenario.initial.joint_rate, scenario.initial.base_velocity
     if rate is not None or velocity is not None:
-        rate = np.zeros(arm.joints) if rate is None else rate
-        options["initial_rate"] = arm.rest(rate, velocity)
+        joint_rate = np.zeros(arm.joints) if rate is None else rate
+        options["initial_rate"] = arm.rest(joint_rate, velocity)
     if start.prescribed:
         options["prescribed"] = start.prescribed
     with problems_at(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):

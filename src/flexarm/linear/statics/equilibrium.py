@@ -5,6 +5,7 @@ Matrices of small deviations: theory page "small motion", (S.2).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -467,8 +468,8 @@ class _Search:
         """Raise if a force would accelerate a base that nothing holds."""
         if not self.loose:
             return
-        weight = float(np.hypot(*self.arm.spec.gravity)) * total_mass(self.arm)
-        size = weight + sum(float(np.hypot(*load.force)) for load in self.loads)
+        weight = math.hypot(*self.arm.spec.gravity) * total_mass(self.arm)
+        size = weight + sum(math.hypot(*load.force) for load in self.loads)
         for coordinate in self.arm.assembly.base:
             if coordinate.index in self.loose:
                 scale = size * (self.arm.reach if coordinate.name == "angle" else 1.0)

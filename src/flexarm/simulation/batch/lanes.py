@@ -444,8 +444,8 @@ class OpenLanes(Lanes):
 def _structure(run: Ready) -> tuple[int, ...]:
     """Return numbers that are equal for runs in lanes of one pack.
 
-    They are the sizes of the arrays of the arm, the order of its bodies, the bodies of its loads and
-    contacts, and the identity of the factors of the loads, which are common.
+    They are the sizes of the arrays of the arm, the order of its bodies, the bodies of its loads
+    and contacts, and the identity of the factors of the loads, which are common.
     """
     sizes = run_time_sizes(run.arm.assembly.constants)
     order = *sizes.joints.ravel().tolist(), *sizes.ends.ravel().tolist()
