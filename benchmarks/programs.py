@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 import flexarm as fa
 from benchmarks.work_precision import Entry, Outcome, Run, timed
+from flexarm.simulation.run.settings import RunSettings, tolerances_of
 
 #: Module that each program needs in addition to the dependencies of flexarm.
 PEERS = {
@@ -52,7 +53,10 @@ def arm_of(case: Case, **options: Any) -> fa.Arm:
 
 
 def flexarm(case: Case, basis: str, build: Callable[[], fa.Arm], truth: str, **how: Any) -> Entry:
-    """Return the entry of flexarm with a basis and arguments of ``flexarm.simulate``."""
+    """Return the entry of flexarm with a basis and arguments of ``flexarm.simulate``.
+
+    The label of default arguments has the tolerances that ``flexarm.simulate`` derives from them.
+    """
 
     def prepare() -> Run:
         arm = build()
@@ -64,14 +68,18 @@ def flexarm(case: Case, basis: str, build: Callable[[], fa.Arm], truth: str, **h
     elif "rtol" in how:
         fixed = [tolerances(how["rtol"])]
     else:
-        fixed = [DEFAULTS]
+        relative, absolute, length = tolerances_of(RunSettings(), build())
+        fixed = [f"{DEFAULTS}: rtol {relative:.0e}, atol {absolute * length:.0e} m"]
     specialized = ["for its size"] if how.get("specialized") else []
     return Entry("flexarm", ", ".join([name, basis, *fixed, *specialized]), truth, prepare)
 
 
-def tolerances(rtol: float) -> str:
-    """Return the label of a relative tolerance and the absolute one that `simulate` sets."""
-    return f"rtol {rtol:.0e}, atol {1e-2 * rtol:.0e} m"
+def tolerances(rtol: float, unit: str = " m") -> str:
+    """Return the label of a relative tolerance and the absolute one, in all programs 1e-2 of it.
+
+    The unit is that of displacements of the tip; other programs measure each coordinate.
+    """
+    return f"rtol {rtol:.0e}, atol {1e-2 * rtol:.0e}{unit}"
 
 
 def simulate(case: Case, arm: fa.Arm, **how: Any) -> Outcome:
@@ -170,7 +178,7 @@ def soromox(case: Case, segments: int, rtol: float, truth: str) -> Entry:
 
         return timed(soromox_arm.prepare(case, segments, rtol))
 
-    setting = f"{segments} constant curvatures a link, Tsit5, rtol {rtol:.0e}"
+    setting = f"{segments} constant curvatures a link, Tsit5, {tolerances(rtol, '')}"
     return Entry("SoRoMoX", setting, truth, prepare)
 
 
@@ -182,7 +190,7 @@ def casadi(case: Case, arm: fa.Arm, rtol: float, truth: str) -> Entry:
 
         return timed(casadi_cvodes.prepare(case, arm, rtol), lambda states: tips(arm, states))
 
-    return Entry("CasADi CVODES", f"rtol {rtol:.0e}", truth, prepare)
+    return Entry("CasADi CVODES", tolerances(rtol, ""), truth, prepare)
 
 
 def jax(
@@ -195,7 +203,7 @@ def jax(
 
         return timed(jax_diffrax.prepare(case, arm, step, rtol), lambda states: tips(arm, states))
 
-    setting = f"RK4 step {step:g} s" if step else f"Diffrax Dopri8, rtol {rtol:.0e}"
+    setting = f"RK4 step {step:g} s" if step else f"Diffrax Dopri8, {tolerances(rtol, '')}"
     return Entry("JAX", setting, truth, prepare)
 
 
@@ -214,7 +222,7 @@ def scipy(case: Case, arm: fa.Arm, method: str, rtol: float, truth: str) -> Entr
 
     return Entry(
         f"SciPy {method}",
-        f"rtol {rtol:.0e}",
+        tolerances(rtol, ""),
         truth,
         lambda: timed(integrate, lambda states: tips(arm, states)),
     )

@@ -82,8 +82,9 @@ Compare ratios from the same run, because times depend on the machine and its lo
 one table were timed alternately. Times are medians, except those of the chain, which was timed
 once, and of the start-up, which are the minimum of a few runs.
 
-[Accuracy](accuracy.md) of the methods and [controllers compared](controllers.md) have pages of
-their own.
+[Accuracy](accuracy.md) of the methods, [controllers compared](controllers.md) and the
+[choice of modes](../how-to/choose-the-modes.md#reliability) have pages of their own: they count
+errors and evaluations, which do not depend on the machine.
 
 ## Forward dynamics, two links of four modes
 
@@ -117,14 +118,15 @@ micrometre without stiffness represent them, and the links bend in segments of c
 without stretch and shear. CasADi and JAX use flexarm's own equations, CasADi with
 exact Jacobians; SciPy's solvers call these equations from Python.
 
-The table shows the fastest setting of each program with at most the given error:
+The tables show the fastest setting of each program with at most the given error:
 
 {_level_table(m.table_one)}
 
 ### What a user gets
 
 Whole calls with default arguments, which may err by 1e-5 of the reach (2.4e-5 m), beside the
-fastest setting of each peer with at most the error of the call:
+fastest setting of each peer with at most the error of the call. `python -m benchmarks.table_one`
+measures this table alone.
 
 {user_table(m.table_one)}
 
@@ -244,22 +246,32 @@ def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
 
 
 def _comparison_table(comparisons: list[Comparison]) -> str:
-    rows = []
+    """Return the table of implementations, with time and ratio for each theory."""
+    columns = []
     for c in comparisons:
         base = c.limit if c.limit is not None else c.compile_time_sizes
-        for what, time in (
-            ("C++ template, sizes known to the compiler: the limit", c.limit),
-            ("C++, sizes at run time", c.limit_run_time_sizes),
-            ("flexarm in compiled code, sizes known to the compiler", c.compile_time_sizes),
-            ("flexarm in compiled code, sizes at run time", c.run_time_sizes),
-            ("`arm.forward_dynamics` called from Python", c.from_python),
-            ("SciPy: Cholesky of `arm.mass_matrix`, solve for `arm.bias_force`", c.scipy_dense),
-        ):
-            if time is None:
-                rows.append((c.theory, what, "no compiler here", ""))
-            else:
-                rows.append((c.theory, what, f"{time:.3g}", f"{time / base:.3g}"))
-    return _table(("theory", "implementation", "microseconds", "ratio"), rows)
+        times = (
+            *(c.limit, c.limit_run_time_sizes, c.compile_time_sizes, c.run_time_sizes),
+            *(c.from_python, c.scipy_dense),
+        )
+        columns.append([_against(time, base) for time in times])
+    names = (
+        "C++ template, sizes known to the compiler: the limit",
+        "C++, sizes at run time",
+        "flexarm in compiled code, sizes known to the compiler",
+        "flexarm in compiled code, sizes at run time",
+        "`arm.forward_dynamics` called from Python",
+        "SciPy: Cholesky of `arm.mass_matrix`, solve for `arm.bias_force`",
+    )
+    heads = [cell for c in comparisons for cell in (f"{c.theory} (microseconds)", "ratio")]
+    cells = zip(names, *columns, strict=True)
+    rows = [(name, *(cell for pair in pairs for cell in pair)) for name, *pairs in cells]
+    return _table(("implementation", *heads), rows)
+
+
+def _against(time: float | None, base: float) -> tuple[str, str]:
+    """Return the cells of a time and of its ratio to another one."""
+    return ("no compiler here", "") if time is None else (f"{time:.3g}", f"{time / base:.3g}")
 
 
 def _scaling_table(links: dict[int, float], modes: dict[int, float]) -> str:
@@ -275,9 +287,12 @@ def _scaling_table(links: dict[int, float], modes: dict[int, float]) -> str:
 
 
 def _level_table(points: list[Point]) -> str:
-    rows = []
+    """Return a table for each reference solution."""
+    tables = []
     names = list(dict.fromkeys(point.program for point in points))
+    header = ("error at most (m)", "setting", "integration (ms)", "total (ms)", "ratio")
     for truth, levels in LEVELS.items():
+        rows = []
         for level in levels:
             own = fastest([p for p in points if p.program == "flexarm"], truth, level)
             for program in names:
@@ -285,12 +300,10 @@ def _level_table(points: list[Point]) -> str:
                 if best is None:
                     continue
                 ratio = f"{best.seconds / own.seconds:.3g}" if own else ""
-                name, total = f"{program}, {best.setting}", f"{1e3 * best.total:.3g}"
-                rows.append(
-                    (truth, f"{level:.1e}", name, f"{1e3 * best.seconds:.3g}", total, ratio)
-                )
-    header = ("against", "error at most (m)", "setting", "integration (ms)", "total (ms)", "ratio")
-    return _table(header, rows)
+                times = f"{1e3 * best.seconds:.3g}", f"{1e3 * best.total:.3g}"
+                rows.append((f"{level:.1e}", f"{program}, {best.setting}", *times, ratio))
+        tables.append(f"Against {truth}:\n\n{_table(header, rows)}")
+    return "\n\n".join(tables)
 
 
 def user_table(points: list[Point]) -> str:
@@ -315,7 +328,10 @@ def user_table(points: list[Point]) -> str:
         "tuned setting",
         "ratio",
     )
-    return _table(header, rows)
+    text = _table(header, rows)
+    if missing := programs.missing():
+        text += f"\n\nNot installed in this run: {', '.join(missing)}."
+    return text
 
 
 def raw_table(points: list[Point]) -> str:
@@ -358,19 +374,19 @@ def chain_table(points: list[Point]) -> str:
 
 
 def _points_table(points: list[Point]) -> str:
+    """Return the table of points with one reference solution, the fastest first."""
     rows = [
         (
-            point.truth,
             point.program,
             point.setting,
             f"{point.error:.1e}",
             f"{1e3 * point.seconds:.3g}",
             f"{1e3 * point.total:.3g}",
         )
-        for point in sorted(points, key=lambda point: (point.truth, point.seconds))
+        for point in sorted(points, key=lambda point: point.seconds)
         if point.error < USEFUL
     ]
-    header = ("against", "program", "setting", "tip error (m)", "integration (ms)", "total (ms)")
+    header = ("program", "setting", "tip error (m)", "integration (ms)", "total (ms)")
     return _table(header, rows)
 
 

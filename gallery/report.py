@@ -22,11 +22,11 @@ _INDEX = """# Validation gallery
 When two simulators disagree, which one is right? These pages compare the package with problems
 that have a known solution. `make gallery` and the tests compute every number again.
 
-*Difference* is relative to the reference value. For distances, and for values that pass through
-zero, it is relative to a scale: the reach of the arm or the length of the beam. *Digits* is the
-number of digits that agree, -log₁₀ of the difference, and in brackets the number that the tests
-require. The pages give the reason for this number: a mesh, a truncated theory, or the
-last printed digit of the reference.
+*Digits* is the number of digits that agree, -log₁₀ of the difference relative to the reference
+value, and in brackets the number that the tests require. For distances, and for values that pass
+through zero, the difference is relative to a scale: the reach of the arm or the length of the beam.
+The pages give the reason for the required number: a mesh, a truncated theory, or the last printed
+digit of the reference.
 
 {pictures}
 
@@ -90,16 +90,22 @@ def picture_table(links: Sequence[tuple[Case, str]]) -> str:
 
 
 def _table(rows: Sequence[Row], sources: Sequence[Source], reasons: Sequence[str]) -> str:
-    """The table of a case; sources and reasons have a column if they differ between rows."""
-    cited, explained = several_cites(rows), len(reasons) > 1
-    head = ["quantity", "reference", "flexarm", "difference", "digits"]
-    head += ["source"] * cited + ["reason"] * explained
+    """The table of a case; sources and reasons have a column if they differ between rows.
+
+    It is one column for both if they have the same numbers in all rows.
+    """
+    notes = {}
+    if several_cites(rows):
+        notes["source"] = [str(sources.index(row.source) + 1) for row in rows]
+    if len(reasons) > 1:
+        notes["reason"] = [str(reasons.index(row.reason) + 1) for row in rows]
+    if len(notes) > 1 and notes["source"] == notes["reason"]:
+        notes = {"source, reason": notes["source"]}
+    quantity, *names = named_quantities(rows)
+    head = [quantity, "reference", "flexarm", "digits", *notes]
     lines = [table_row(head), table_row(["---"] * len(head))]
-    for row in rows:
-        values = *shown_values(row), f"{row.difference:.1e}", shown_digits(row)
-        notes = [str(sources.index(row.source) + 1)] * cited
-        notes += [str(reasons.index(row.reason) + 1)] * explained
-        lines.append(table_row([quantity_with_unit(row), *values, *notes]))
+    for name, row, *marks in zip(names, rows, *notes.values(), strict=True):
+        lines.append(table_row([name, *shown_values(row), shown_digits(row), *marks]))
     return "\n".join(lines)
 
 
@@ -108,9 +114,12 @@ def several_cites(rows: Sequence[Row]) -> bool:
     return len({row.source.cite for row in rows}) > 1
 
 
-def quantity_with_unit(row: Row) -> str:
-    """Name of a quantity, with its unit in brackets unless it is a pure number."""
-    return row.quantity if row.unit == "1" else f"{row.quantity} [{row.unit}]"
+def named_quantities(rows: Sequence[Row]) -> list[str]:
+    """Heading and names of quantities, with units in brackets; a common unit is in the heading."""
+    units = [f" [{row.unit}]" if row.unit != "1" else "" for row in rows]
+    if len({*units}) == 1:
+        return [f"quantity{units[0]}", *(row.quantity for row in rows)]
+    return ["quantity", *(row.quantity + unit for row, unit in zip(rows, units, strict=True))]
 
 
 def _list(title: str, items: Sequence[str], numbered: bool) -> str:

@@ -222,6 +222,8 @@ AREAS: dict[str, Area] = {
             Group(
                 sources=(
                     "model/**/links.py",
+                    "model/arm/joints.py",
+                    "model/arm/mechanism.py",
                     "model/arm/spec.py",
                 ),
                 tests=(

@@ -89,6 +89,7 @@ from .linear import EquilibriumError as EquilibriumError
 from .linear import LinearModel as LinearModel
 from .linear import Modes as Modes
 from .linear import ModeTracks as ModeTracks
+from .linear import assembled as assembled
 from .linear import campbell as campbell
 from .linear import equilibrium as equilibrium
 from .linear import linearize as linearize

@@ -229,3 +229,52 @@ def test_table_of_ratios_of_the_chain() -> None:
         "| 1.0e-03 | good: 2 | 1 bar: 50 | 25 | 20 |",
         "| 1.0e-05 | none | 2 bars: 1e+03 |  | 20 |",
     ]
+
+
+def test_table_of_default_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each default call is beside the fastest whole call of a peer that is at least as accurate."""
+    monkeypatch.setattr(programs, "missing", lambda: ["Drake", "Exudyn"])
+    default = f"auto, 4 modes, {programs.DEFAULTS}: rtol 1e-07, atol 2e-09 m"
+    named = [
+        ("flexarm", default, 2e-5, 1e-2, 2e-2),
+        ("flexarm", "tuned", 1e-5, 1e-3, 2e-3),
+        ("Peer", "slow to call", 1e-5, 1e-3, 9e-2),
+        ("Peer", "good", 2e-5, 5e-2, 6e-2),
+        ("Peer", "wrong", 3e-5, 1e-3, 1e-3),
+    ]
+    points = [Point(*one[:2], table_one.EXACT, *one[2:]) for one in named]
+    assert report.user_table(points).splitlines()[2:] == [
+        f"| {default} | 2.0e-05 | 20 | flexarm |  |  |",
+        "|  | 2.0e-05 | 60 | Peer | good | 3 |",
+        "",
+        "Not installed in this run: Drake, Exudyn.",
+    ]
+    monkeypatch.setattr(programs, "missing", list)
+    assert "Not installed" not in report.user_table(points)
+
+
+def test_labels_have_both_tolerances() -> None:
+    labels = [entry.setting for entry in (*table_one.default_entries(), *table_one.peer_entries())]
+    labels += [entry.setting for entry in table_one.own_entries()]
+    with_one = [label for label in labels if "rtol" in label]
+    assert len(with_one) > 10
+    assert all("atol" in label for label in with_one)
+
+
+def test_tables_have_a_column_for_each_theory_and_a_table_for_each_solution() -> None:
+    found = [
+        forward_dynamics.Comparison(theory, 0.2, 0.3, 10.0, 50.0, limit, limit)
+        for theory, limit in (("linear", None), ("second_order", 0.1))
+    ]
+    first, _, *rows = report._comparison_table(found).splitlines()
+    assert first.count("ratio") == 2
+    assert len(rows) == 6
+    assert rows[0].endswith("| no compiler here |  | 0.1 | 1 |")
+    points = [
+        Point(who, "setting", truth, 1e-7, 1e-3, 2e-3)
+        for who in ("flexarm", "Peer")
+        for truth in (table_one.EXACT, table_one.PAPER)
+    ]
+    text = report._level_table(points)
+    assert text.count("Against ") == 2
+    assert text.count("| Peer, setting | 1 | 2 | 1 |") == sum(map(len, report.LEVELS.values()))

@@ -17,7 +17,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("Arm", "load_arm", "save_arm", "varied"),
         *("Link", "Material", "Rectangle", "Circle", "Tube", "Box", "SectionTable"),
         *("ModalDamping", "RayleighDamping", "Gauge"),
-        *("Joint", "Friction", "JointLimits", "Winding", "Payload"),
+        *("Joint", "Friction", "JointLimits", "Winding", "Payload", "Base", "Closure"),
     ),
     "loads": ("Load", "Change", "Contact", "Wall", "RoundWall", "SurfaceTable"),
     "motions": (
@@ -55,7 +55,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("design", "ControllerDesign", "InstrumentFault", "MovingHorizonEstimator"),
     ),
     "linear": (
-        *("equilibrium", "Equilibrium", "modes", "Modes", "track_modes", "campbell"),
+        *("equilibrium", "Equilibrium", "assembled", "modes", "Modes", "track_modes", "campbell"),
         *("ModeTracks", "linearize", "LinearModel", "Sensor", "save_linear"),
     ),
     "plots": (*(f"plot.{name}" for name in fa.plot.__all__), "animate", "report"),

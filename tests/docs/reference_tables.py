@@ -140,7 +140,8 @@ def _words(definition: str) -> str:
 
 def _list(schema: dict[str, Any], many: bool) -> str:
     if "prefixItems" in schema:
-        return "two numbers"
+        entry = _value(schema["prefixItems"][0], many=True)
+        return f"{('two', 'three')[len(schema['prefixItems']) - 2]} {entry}"
     count = f"{schema['minItems']} to {schema['maxItems']} " if "maxItems" in schema else ""
     return f"list{'s' * many} of {count}{_value(schema['items'], many=True)}"
 

@@ -32,6 +32,13 @@ def spinning() -> fa.Arm:
 
 
 @cache
+def linkage() -> fa.Arm:
+    """Return two links, the tip of which stays on a line."""
+    closures = [fa.Closure(kind="line", link=2)]
+    return fa.Arm(links=[LINK, LINK], closures=closures)
+
+
+@cache
 def motion() -> Any:
     return fa.joint_motion(arm(), start, end, 1.0)
 
@@ -116,6 +123,8 @@ RECORDS: dict[str, dict[str, Any]] = {
     "Winding": {"torque_constant": 0.05, "resistance": 2.0},
     "Gauge": {"station": 0.1, "distance": 0.005},
     "Joint": {"hub_inertia": 0.05},
+    "Base": {"mass": 2.0, "inertia": 0.1, "free": ["x", "angle"], "stiffness": [1e3, 0.0, 10.0]},
+    "Closure": {"kind": "weld", "link": 1, "to_link": 2, "to_station": 0.1, "angle": 0.2},
     "JointLimits": {"lower": -1.0, "upper": 1.0, "stiffness": 100.0},
     "Link": LINK,
     "Material": {"density": 2700.0, "youngs_modulus": 7e10},
@@ -171,6 +180,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Sensor": {"kind": "acceleration", "link": 1},
     "SurfaceTable": {"x": [-3.0, 0.0, 3.0], "y": [-3.0, -3.1, -3.0]},
     "Wall": {"point": [0.0, -3.0], "normal": [0.0, 1.0]},
+    "assembled": {"arm": linkage, "q": [0.1] * 6, "qd": [0.2] * 6, "held": [1]},
     "animate": {"results": result, "fps": 2.0, "width": 320},
     "campbell": {"arm": spinning, "spin": [0.0, 1.0], "count": 1},
     "citation": {"result": result},

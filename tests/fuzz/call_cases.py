@@ -59,4 +59,5 @@ _MEANING = (
     "public callables and methods, one in four, each with one or two wrong values: a result, or an "
     "error of flexarm that names the argument"
 )
-PARTS = {f"calls-{k + 1}": Part(_MEANING, partial(wrong_call, k)) for k in range(_PARTS)}
+_MEANINGS = [_MEANING] + ["another quarter of these"] * (_PARTS - 1)
+PARTS = {f"calls-{k + 1}": Part(_MEANINGS[k], partial(wrong_call, k)) for k in range(_PARTS)}

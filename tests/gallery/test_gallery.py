@@ -13,8 +13,8 @@ from gallery.cases import CASES, PAGES
 from gallery.report import (
     FOLDER,
     case_text,
+    named_quantities,
     picture,
-    quantity_with_unit,
     several_cites,
     write_index,
 )
@@ -64,10 +64,10 @@ def test_case_agrees_with_its_references(case: Case, tmp_path: Path) -> None:
         assert not perturbed.agrees, f"{row.quantity}: a wrong value passes"
 
     committed = committed_rows(case)
-    assert [cells[0] for cells in committed] == [quantity_with_unit(row) for row in rows]
+    assert [cells[0] for cells in committed] == named_quantities(rows)[1:]
     if several_cites(rows):
         sources = list(dict.fromkeys(row.source for row in rows))
-        assert [cells[5] for cells in committed] == [str(sources.index(r.source) + 1) for r in rows]
+        assert [cells[4] for cells in committed] == [str(sources.index(r.source) + 1) for r in rows]
     for row, cells in zip(rows, committed, strict=True):
         for text, value in ((cells[1], row.theirs), (cells[2], row.ours)):
             assert abs(float(text) - value) <= allowed(row), f"{row.quantity}: run `make gallery`"
@@ -122,7 +122,8 @@ def test_chore_fails_for_a_wrong_value(
     table = (tmp_path / "index.md").read_text(encoding="utf-8")
     assert "| [Ruler](lengths.md#ruler) | 1 | ruler | " in table
     page = (tmp_path / "lengths.md").read_text(encoding="utf-8")
-    assert "| length [m] | 2 | 2.0000" in page
+    assert "| quantity [m] | reference" in page
+    assert "| length | 2 | 2.0000" in page
     assert ("agree in all" in table) == (status == 0)
     assert chore.main(["rule"]) == 2
 

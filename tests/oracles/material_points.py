@@ -40,11 +40,11 @@ def hermite(x: np.ndarray, length: float, elements: int, derivative: int) -> np.
         np.polynomial.Polynomial([0, 0, -1, 1]) * h,
     ]
     matrix = np.zeros((len(x), 2 * (elements + 1)), dtype=x.dtype)
-    for row, station in enumerate(x):
-        element = min(int(station / h), elements - 1)
-        s = station / h - element
-        for k, cubic in enumerate(cubics):
-            matrix[row, 2 * element + k] = cubic.deriv(derivative)(s) / h**derivative
+    element = np.minimum((x / h).astype(int), elements - 1)
+    s = x / h - element
+    for k, cubic in enumerate(cubics):
+        values = cubic.deriv(derivative)(s) / h**derivative
+        matrix[np.arange(len(x)), 2 * element + k] = values
     return matrix[:, 2:]
 
 

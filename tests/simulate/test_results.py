@@ -85,6 +85,27 @@ def test_every_arm_has_its_own_labels_and_values():
         xr.testing.assert_identical(first, second)
 
 
+def test_results_that_share_labels_are_independent_datasets():
+    """The constructor without checks gives what xarray's own copy does."""
+    arm = fa.Arm(links=[fa.Link(length=1.0, flexural_rigidity=20.0, mass_per_length=0.4)])
+    first, second = (fa.simulate(arm, 0.1, rate=50.0, torque=[[size]] * 6) for size in (1.0, 2.0))
+    values = {name: variable.values for name, variable in second.data_vars.items()}
+    copied = first.copy(data=values).assign_attrs(second.attrs)
+    xr.testing.assert_identical(second, copied)
+    assert copied.sizes == second.sizes
+    assert second.xindexes.keys() == copied.xindexes.keys()
+    xr.testing.assert_identical(second.sel(axis="x", time=0.04), copied.sel(axis="x", time=0.04))
+    first.time.attrs["units"] = "ms"
+    first.tip.attrs["units"] = "mm"
+    first["link"] = [7]
+    first["extra"] = ("time", first.time.values)
+    del first["tip"]
+    xr.testing.assert_identical(second, copied)
+    third = fa.simulate(arm, 0.1, rate=50.0, torque=[[2.0]] * 6)
+    third.attrs["wall_seconds"] = second.attrs["wall_seconds"]
+    xr.testing.assert_identical(third, second)
+
+
 def test_coordinates_are_labelled(result):
     names = {"time", "joint", "link", "axis", "coordinate", "gauge", "station", "position"}
     assert set(result.coords) == names

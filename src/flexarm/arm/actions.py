@@ -213,7 +213,7 @@ def place_contacts(arm: Coordinates, contacts: Sequence[Contact]) -> Contacts:
     placed.shortening[:] = points.shortening
     first = 0
     for law, contact, lever in zip(placed.law, contacts, points.lever, strict=True):
-        law[WEIGHT], law[LEVER], law[CORNER] = 1.0, lever, CORNER_SHARE * float(np.sum(arm.lengths))
+        law[WEIGHT], law[LEVER], law[CORNER] = 1.0, lever, CORNER_SHARE * arm.reach
         law[STIFFNESS], law[EXPONENT] = contact.stiffness, contact.exponent
         law[DAMPING] = contact.damping
         law[FRICTION], law[FRICTION_SPEED] = contact.friction, contact.friction_speed

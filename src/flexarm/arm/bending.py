@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, Piece
+from flexarm.arm.assembly.coordinates import station_of
 from flexarm.base.errors import LargeDeflectionWarning, warn_caller
 
 #: Error of a link relative to its length above which a state is reported: 10 % deflection of a link
@@ -54,9 +55,9 @@ class BendingErrors:
             m = piece.shapes.w2.size
             self._G[k, :m, :m] = piece.shapes.G
         lengths = arm.link_lengths
-        # A rotated link also displaces everything beyond its tip.
-        beyond = np.append(np.cumsum(arm.lengths[::-1])[::-1], 0.0)[1:]
-        self._lever = beyond / lengths
+        self._paths = [
+            (np.array(path), np.array(beyond) / lengths[path]) for path, beyond in _paths(arm)
+        ]
         self._lengths = lengths
         rows = np.zeros((arm.assembly.bodies, arm.assembly.modes))
         rows[self._body] = np.abs(self._G).sum(axis=2) / 2.0
@@ -64,7 +65,10 @@ class BendingErrors:
         self._clearly_small = _CLEARLY * LARGEST_ERROR * float(lengths.min())
 
     def of_links(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return errors of the links' tips (samples, links) and of the arm's tip (samples,), m."""
+        """Return errors of the links' tips (samples, links) and of the arm's tip (samples,), m.
+
+        Of the tips of several branches, that with the largest error counts.
+        """
         eta = states[:, 0, self._body, 1:]
         delta = np.einsum("tpi,pij,tpj->tp", eta, self._G, eta) / 2.0
         relative = np.maximum(delta, 0.0) / self._length
@@ -77,7 +81,10 @@ class BendingErrors:
         np.add.at(shift.T, self._link, (error * self._length).T)
         np.add.at(turn.T, self._link, (third * self._length).T)
         # The slope of a link's tip has errors of third order, smaller under moments than forces.
-        return shift, shift.sum(axis=1) + 0.5 * turn @ self._lever
+        tips = [
+            shift[:, path].sum(axis=1) + 0.5 * turn[:, path] @ lever for path, lever in self._paths
+        ]
+        return shift, np.max(tips, axis=0)
 
     def too_large(self, states: FloatArray) -> tuple[float, int, int] | None:
         """Return the largest error of the tip (m), the link (from 0) and the state, or None."""
@@ -110,6 +117,23 @@ class BendingErrors:
         bounds = np.einsum("kij,kij,ij->k", eta, eta, self._rows)
         small: NDArray[np.bool_] = bounds < self._clearly_small
         return small
+
+
+def _paths(arm: Arm) -> list[tuple[list[int], list[float]]]:
+    """Return the links from the base to each tip, and the lengths (m) beyond the tip of each.
+
+    A rotated link also displaces everything beyond its tip.
+    """
+    spec = arm.spec
+    paths = []
+    for end in sorted(set(range(arm.links)) - set(spec.parents)):
+        path, beyond, there = [end], [0.0], 0.0
+        while (carrier := spec.parents[path[0]]) >= 0:
+            there += float(np.hypot(*spec.joints[path[0]].offset)) + spec.links[path[0]].reach
+            there -= spec.links[carrier].length - station_of(spec, path[0])
+            path, beyond = [carrier, *path], [max(there, 0.0), *beyond]
+        paths.append((path, beyond))
+    return paths
 
 
 #: Cached estimates for each arm's own theory.
@@ -179,7 +203,7 @@ def _description(
         f"{length:.4g} m"
     )
     size = f"{1e3 * tip:.0f}" if tip >= 0.01 else f"{1e3 * tip:.2g}"
-    return fact, link, f"{size} mm ({tip / arm.lengths.sum():.1%} of the reach)"
+    return fact, link, f"{size} mm ({tip / arm.reach:.1%} of the reach)"
 
 
 def bending_warning(arm: Arm, q: FloatArray) -> str:

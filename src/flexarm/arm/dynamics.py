@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.actions import Environment
 from flexarm.arm.assembly.assemble import FloatArray, assemble
-from flexarm.arm.assembly.coordinates import Coordinates
+from flexarm.arm.assembly.coordinates import Coordinates, carriers_of, joint_roots
 from flexarm.arm.assembly.kernel_view import KernelView, Pool, Scratch, is_finite, is_plain
 from flexarm.base.errors import check_array, check_result, public_call
 from flexarm.kernels.columns import GAP, MULTIPLIER
@@ -190,17 +190,27 @@ class Dynamics(Coordinates):
         placed = self._outside(tip_force, loads, base_acceleration, contacts)
         scratch = self._newton_euler(q, qd, qdd, placed)
         work = scratch.work
-        angle = np.cumsum(np.arctan2(work.rotation[:, 1], work.rotation[:, 0]))
+        angle = np.arctan2(work.rotation[:, 1], work.rotation[:, 0])
+        for i, carrier in enumerate(carriers_of(self)):
+            if carrier >= 0:
+                angle[i] += angle[carrier]
         cosine, sine = np.cos(angle), np.sin(angle)
         x, y, moment = work.wrench.T
         world = np.stack([cosine * x - sine * y, sine * x + cosine * y, moment], axis=1)
         self._inverse.append(scratch)
-        return np.asarray(world[self.assembly.link_body])
+        return np.asarray(world[joint_roots(self)])
 
     @property
     def closure_rows(self) -> int:
         """Number of equations that close loops: 2 for a pin, 3 for a weld, 1 for a line."""
         return len(self.assembly.constants.closure)
+
+    @property
+    def closure_numbers(self) -> list[int]:
+        """Number of the closure of each row, (closure_rows,), as given in ``closures``."""
+        rows = {"pin": 2, "weld": 3, "line": 1}
+        closures = enumerate(self.spec.closures, start=1)
+        return [number for number, closure in closures for _ in range(rows[closure.kind])]
 
     @public_call
     def closure_gaps(self, q: ArrayLike) -> FloatArray:

@@ -132,7 +132,7 @@ def named_channels(
     assembly = arm.assembly
     poses, tips, energy, strains = observed
     joints, links = assembly.joint_body, assembly.link_body
-    bent = cache(lambda: _link_tips(arm, poses, tips))
+    bent = cache(lambda: _link_tips(arm, poses))
     channels: dict[str, Callable[[], FloatArray]] = {
         "joint_angle": lambda: states[:, 0, joints, 0],
         "joint_rate": lambda: states[:, 1, joints, 0],
@@ -153,11 +153,25 @@ def named_channels(
         "q": lambda: arm.unpadded(states[:, 0]),
         "qd": lambda: arm.unpadded(states[:, 1]),
     }
+    if assembly.base:
+        channels["base_position"] = lambda: _base_motion(arm, states[:, 0])
+        channels["base_velocity"] = lambda: _base_motion(arm, states[:, 1])
     if strains is not None:
         channels["strain"] = lambda: strains
     # Return copies, because a view of one column would keep the pose array of a chunk alive.
     wanted = channels if names is None else channels.keys() & set(names)
     return {name: np.array(value()) for name, value in channels.items() if name in wanted}
+
+
+def _base_motion(arm: Arm, coordinates: FloatArray) -> FloatArray:
+    """Return x, y and angle of the base (samples, 3), or their rates from rates (samples, n, ...).
+
+    Coordinates that are not free are zero.
+    """
+    motion = np.zeros((len(coordinates), 3), dtype=coordinates.dtype)
+    for name, body, _ in arm.assembly.base:
+        motion[:, ("x", "y", "angle").index(name)] = coordinates[:, body, 0]
+    return motion
 
 
 def _twists(arm: Arm, q: FloatArray) -> FloatArray:
@@ -169,7 +183,7 @@ def _twists(arm: Arm, q: FloatArray) -> FloatArray:
     return twists
 
 
-def _link_tips(arm: Arm, poses: FloatArray, tips: FloatArray) -> FloatArray:
+def _link_tips(arm: Arm, poses: FloatArray) -> FloatArray:
     """Return deflection and slope of each link's tip from its root tangent, and their rates.
 
     The shape is (samples, links, 4). For a link in one piece they are those of the body. For
@@ -185,7 +199,7 @@ def _link_tips(arm: Arm, poses: FloatArray, tips: FloatArray) -> FloatArray:
             bent[:, i] = poses[:, first, 6:10]
             continue
         root = poses[:, first, :6]
-        end = poses[:, last + 1, :6] if last + 1 < assembly.bodies else tips
+        end = poses[:, last, 10:]
         angle = poses[:, last, 2] + poses[:, last, 7] - root[:, 2]
         rate = poses[:, last, 5] + poses[:, last, 9] - root[:, 5]
         x, y = (end[:, :2] - root[:, :2]).T

@@ -104,14 +104,18 @@ def check_tolerance(name: str, value: object) -> float:
     return number
 
 
-def check_posture(name: str, value: object, joints: int) -> NDArray[np.float64]:
-    """Return relative joint angles (joints,), rad.
+def check_posture(
+    name: str, value: object, joints: int, turning: NDArray[np.bool_] | None = None
+) -> NDArray[np.float64]:
+    """Return relative joint angles (joints,), rad; positions (m) of joints that slide.
+
+    ``turning`` (joints,) names those that turn, by default all.
 
     Warns:
         ImplausibleValueWarning: if the angles look like degrees, see `about_degrees`.
     """
     angles = check_array(name, value, (joints,))
-    warn_of_degrees(**{name: angles})
+    warn_of_degrees(**{name: angles if turning is None else angles[turning]})
     return angles
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from copy import copy
 from types import AsyncGeneratorType, CoroutineType, GeneratorType
 from typing import Any
+
+import numpy as np
 
 from flexarm.base.errors import FlexarmError, InputError, Problem, SimulationError
 
@@ -30,6 +33,36 @@ def call(name: str, function: Callable[[Any], Any], t: Any) -> Any:
         raise
     except Exception as error:
         raise _failure(name, _first(t), error) from error
+    return _finished(name, value)
+
+
+def call_many(
+    name: str, function: Callable[[float], Any], times: Iterable[float], rows: list[Any]
+) -> None:
+    """Append the rows of numbers that a function returns at times (s) to ``rows``.
+
+    The exceptions are those of ``call``; ``rows`` then contains the values before the failure.
+    """
+    t = 0.0
+    try:
+        for t in times:
+            row = function(t)
+            kind = type(row)
+            # Copy, because the function may write each result into the same array or list.
+            if kind is np.ndarray:
+                row = row.copy()
+            elif kind is not tuple:
+                row = _finished(name, row)
+                row = copy(row) if kind is list or hasattr(row, "__array__") else row
+            rows.append(row)
+    except FlexarmError:
+        raise
+    except Exception as error:
+        raise _failure(name, t, error) from error
+
+
+def _finished(name: str, value: Any) -> Any:
+    """Return the value of a function, which must not be a coroutine or a generator."""
     if isinstance(value, _UNFINISHED):
         kind = "a generator" if isinstance(value, GeneratorType) else "an asynchronous function"
         if isinstance(value, CoroutineType):

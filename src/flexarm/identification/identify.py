@@ -61,6 +61,7 @@ from flexarm.identification.space import Space, check_free
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Motors
+from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.identification import FreeParameter, locate_identification
 from flexarm.model.quantities import Count, Flag
 from flexarm.model.wording import path_of
@@ -187,6 +188,7 @@ def identify(
         name: getattr(method_of_runs, name) for name in ("integrator", "step", "rtol", "atol")
     }
     options |= {"contacts": touching} if touching else {}
+    serial_only(arm.spec, "identification", UNDRIVEN)
     space = Space(arm, motors, parameters, fitted)
     kind = PredictedRun if method == "prediction_error" else RecordRun
     runs = [kind(name, record, arm, options) for name, record in fitted.items()]

@@ -15,11 +15,14 @@ from flexarm.kernels.compilation.cache import apart, compiled, merged
 from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
-from flexarm.kernels.recursion.closures import closure_gaps, closure_response, solve_rows
+from flexarm.kernels.recursion.closures import ROW_ANGLE, closure_gaps, closure_response, solve_rows
 
 #: Rounds of a projection. The matrix of the first is kept, so that gaps decrease in each by the
 #: ratio of the gap to the size of the mechanism; the rounds end when they no longer decrease.
 _ROUNDS = 8
+#: Least pivot over the largest diagonal entry: 1e-10 is reached about 1e-5 rad before a singular
+#: posture.
+_DEPENDENT = 1e-10
 
 
 @merged
@@ -62,6 +65,37 @@ def close_state(
             break
     forward_dynamics(sizes, constants, state, torque, loads, work)
     _move(sizes, constants, state, 1, GAP_RATE, work)
+
+
+@merged
+def independence(system: System) -> float:
+    """Return how independent closures are, after an evaluation at a posture: from 0 to 1.
+
+    It is the least pivot of J M^-1 J' beside the largest diagonal entry, of an angle beside its
+    own. It falls as the square of the distance (rad) from a posture in which they depend on each
+    other.
+    """
+    work = system.work
+    largest = 0.0
+    least = 1.0
+    for c in range(len(system.sizes.closures)):
+        whole = real(work.reaction[c, c])
+        for d in range(c):
+            whole += real(work.reaction[c, d]) ** 2 * real(work.reaction[d, d])
+        if system.sizes.ends[c, 0] == ROW_ANGLE:
+            least = min(least, real(work.reaction[c, c]) / whole)
+        else:
+            largest = max(largest, whole)
+    for c in range(len(system.sizes.closures)):
+        if system.sizes.ends[c, 0] != ROW_ANGLE:
+            least = min(least, real(work.reaction[c, c]) / largest)
+    return least
+
+
+@merged
+def closures_depend(system: System) -> bool:
+    """Return whether closures depend on each other, after an evaluation at a posture."""
+    return not independence(system) > _DEPENDENT
 
 
 @apart

@@ -11,7 +11,7 @@ from flexarm.kernels.layout import Array
 
 #: Indices of ``Memory.clock``. A *span* is the interval between two stops, which a fixed-step
 #: method divides into equal steps.
-CLOCK_PLACES = 18
+CLOCK_PLACES = 22
 (
     TIME,  # s
     STEP,  # s, next step to try; for a method that works in spans, the longest step
@@ -31,6 +31,10 @@ CLOCK_PLACES = 18
     CHANGED,  # number, from 1, of the body whose joint sticks or slips at the end of the step, or 0
     RISE,  # N m/s, of the torque beyond the breakaway torque, if it slips
     WHOLE,  # s, step before it was shortened to end there, or 0
+    KEPT,  # 1.0 if the momentum of a free mechanism is kept, else 0.0
+    MOMENTUM,  # N s along x and y, N m s about the world's origin
+    _,
+    _,
 ) = range(CLOCK_PLACES)
 
 #: Indices of ``Memory.counts``.
@@ -53,6 +57,7 @@ class Memory(NamedTuple):
     state: Array  # (2, n, 1 + m) at ``clock[TIME]``
     new: Array  # (2, n, 1 + m) scratch: state at the end of the present step
     torque: Array  # (n,) scratch
+    spare: Array  # (n, 1 + m) scratch
     sample_times: Array  # (samples,) s
     samples: Array  # (samples, 2, n, 1 + m) states at these times
 
@@ -67,6 +72,7 @@ def new_memory(state: Array, step: float) -> Memory:
         state=state,
         new=zeros_like(state, *state.shape),
         torque=zeros_like(state, state.shape[1]),
+        spare=zeros_like(state, *state.shape[1:]),
         sample_times=np.zeros(0),
         samples=zeros_like(state, 0, *state.shape),
     )

@@ -18,6 +18,7 @@ class Status(IntEnum):
     PRESSED_THROUGH = 7
     NOT_FOLLOWED = 8
     DIVERGED = 9
+    CLOSURES_DEPEND = 10
 
     @property
     def sentence(self) -> str:
@@ -41,6 +42,8 @@ _SENTENCES = {
     "is too long for this motion.",
     Status.DIVERGED: "a joint turns by more than half a turn in one fixed step, or a link bends by "
     "100 times the reach of the arm: the step is too long, or the arm is unstable.",
+    Status.CLOSURES_DEPEND: "the posture is singular: its closures depend on each other, so that "
+    "their forces and the further motion are not determined.",
 }
 
 # Kernels return the codes as plain integers, because an enumeration costs time at each call.
@@ -54,3 +57,4 @@ CONTACT_UNSEEN = Status.CONTACT_UNSEEN.value
 PRESSED_THROUGH = Status.PRESSED_THROUGH.value
 NOT_FOLLOWED = Status.NOT_FOLLOWED.value
 DIVERGED = Status.DIVERGED.value
+CLOSURES_DEPEND = Status.CLOSURES_DEPEND.value

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.closures import closures_depend
 from flexarm.integrate.joint_stops import fix_stops
 from flexarm.integrate.memory import CHANGED, EVALUATIONS, WHOLE, Memory
 from flexarm.integrate.nearness import begin_branches, fix_branches, step_on
 from flexarm.integrate.samples import count_first, end_step
-from flexarm.integrate.status import DONE, INERTIA_LOST
+from flexarm.integrate.status import CLOSURES_DEPEND, DONE, INERTIA_LOST
 from flexarm.integrate.steps import choose_step, inertia_left, judge_contacts
 from flexarm.integrate.stick_events import end_sticking, judge_sticking
 from flexarm.integrate.torque import slope_at
@@ -64,6 +65,8 @@ def judge_end(
         status = judge_contacts(contacts, memory.clock, memory.counts, h, adaptive)
     if status == DONE and not inertia_left(system):
         status = INERTIA_LOST
+    if status == DONE and len(system.sizes.closures) > 0 and closures_depend(system):
+        status = CLOSURES_DEPEND
     if status == DONE and len(system.sizes.joint_laws) > 0:
         status = judge_sticking(system, tolerance.fastest, memory, stages, s, t, h, adaptive)
     return status

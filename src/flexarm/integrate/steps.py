@@ -199,6 +199,19 @@ def inertia_left(system: System) -> bool:
     return lowest > 0.0
 
 
+@merged
+def _furthest(sizes: Sizes, tolerance: Tolerance) -> Any:
+    """Return the largest plausible displacement of the tip of a tree, in lengths of the scale."""
+    least = 1.0
+    turns = False
+    for i in range(len(sizes.bodies)):
+        if sizes.joints[i, 1] == 0:
+            unit = real(tolerance.unit[0, i, 0])
+            least = min(least, unit) if turns else unit
+            turns = True
+    return _ABSURD / least  # without a joint that turns, the scale is the reach
+
+
 @inner
 def motion_sizes(sizes: Sizes, tolerance: Tolerance, new: Array, h: Any) -> Any:
     """Return the largest motion of a fixed step of length h over the plausible one.
@@ -207,10 +220,15 @@ def motion_sizes(sizes: Sizes, tolerance: Tolerance, new: Array, h: Any) -> Any:
     may be packs.
     """
     furthest = _ABSURD / tolerance.unit[0, 0, 0]
+    if len(sizes.tree) > 0:
+        furthest = _furthest(sizes, tolerance)
     largest: Any = 0.0
     check: Any = 0.0
     for i in range(len(sizes.bodies)):
-        largest = max(largest, h * abs(new[1, i, 0]) / _MOST_TURNED)
+        most = _MOST_TURNED
+        if len(sizes.tree) > 0 and sizes.joints[i, 1] > 0:
+            most = furthest * tolerance.unit[0, i, 0]
+        largest = max(largest, h * abs(new[1, i, 0]) / most)
         for j in range(1 + len(sizes.modes)):
             check += 0.0 * new[0, i, j] + 0.0 * new[1, i, j]
             if j > 0:

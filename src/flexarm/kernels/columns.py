@@ -10,13 +10,14 @@ Axes of a body: origin at its joint, x along the tangent at its clamped root.
 
 from __future__ import annotations
 
-# ``ArmConstants.arm`` (5,): constants of the whole arm.
-ARM_COLUMNS = 5
+# ``ArmConstants.arm`` (6,): constants of the whole arm.
+ARM_COLUMNS = 6
 (
     GRAVITY_X,  # m/s^2, world axes
     GRAVITY_Y,
     HAS_JOINT_LAWS,  # 1.0 if any joint has friction, stops or a geared rotor, else 0.0
     HAS_BRISTLES,  # 1.0 if states contain the deflection of bristles, else 0.0
+    IS_FREE,  # 1.0 if only loads and contacts can change the momentum, else 0.0
     IS_TREE,  # 1.0 if any body is not on the tip of the one before, or slides, else 0.0
 ) = range(ARM_COLUMNS)
 

@@ -285,7 +285,7 @@ class _Search:
         times = np.linspace(motion.start_time, motion.end_time, _PATH_INSTANTS)
         fastest = float(np.hypot(*np.gradient(motion.tip(times), times, axis=0).T).max())
         self._slow = _SLOW * fastest or 1.0  # without motion the speed is zero
-        self._close = _CLOSE * float(arm.lengths.sum())
+        self._close = _CLOSE * arm.reach
         self._q: FloatArray | None = None
         self._beside = np.zeros(arm.joints)
         self._drift = np.zeros(arm.joints)  # its change between two times

@@ -3,6 +3,10 @@
 This package imports no numerics and no NumPy.
 """
 
+from flexarm.model.arm.joints import Friction as Friction
+from flexarm.model.arm.joints import Joint as Joint
+from flexarm.model.arm.joints import JointLimits as JointLimits
+from flexarm.model.arm.joints import Winding as Winding
 from flexarm.model.arm.links import MATERIALS as MATERIALS
 from flexarm.model.arm.links import Box as Box
 from flexarm.model.arm.links import Circle as Circle
@@ -14,14 +18,10 @@ from flexarm.model.arm.links import RayleighDamping as RayleighDamping
 from flexarm.model.arm.links import Rectangle as Rectangle
 from flexarm.model.arm.links import SectionTable as SectionTable
 from flexarm.model.arm.links import Tube as Tube
+from flexarm.model.arm.mechanism import Base as Base
+from flexarm.model.arm.mechanism import Closure as Closure
+from flexarm.model.arm.mechanism import Payload as Payload
 from flexarm.model.arm.spec import ArmSpec as ArmSpec
-from flexarm.model.arm.spec import Base as Base
-from flexarm.model.arm.spec import Closure as Closure
-from flexarm.model.arm.spec import Friction as Friction
-from flexarm.model.arm.spec import Joint as Joint
-from flexarm.model.arm.spec import JointLimits as JointLimits
-from flexarm.model.arm.spec import Payload as Payload
-from flexarm.model.arm.spec import Winding as Winding
 from flexarm.model.drives import NoDrive as NoDrive
 from flexarm.model.drives import RigidInverseDynamicsDrive as RigidInverseDynamicsDrive
 from flexarm.model.drives import TorqueDrive as TorqueDrive

@@ -292,6 +292,11 @@ class Record(BaseModel, metaclass=RecordType):
         """Yield the faults between fields; use only fields that `given` has."""
         yield from ()
 
+    @classmethod
+    def _in_si(cls, data: dict[str, Any]) -> tuple[Mapping[str, Any], dict[Path, Fault]]:
+        """Return the input with the numbers that have a unit in SI units, and faults of units."""
+        return in_si(data, partial(unit_of_field, cls))
+
     def replace(self, **changes: Any) -> Self:
         """Return a validated copy in which the named fields have other values.
 
@@ -324,7 +329,7 @@ class Record(BaseModel, metaclass=RecordType):
             return data
         wrong_units: dict[Path, Fault] = {}
         if isinstance(data, dict):
-            data, wrong_units = in_si(data, partial(_unit, cls))
+            data, wrong_units = cls._in_si(data)
         try:
             record: Self = handler(data)
         except ValidationError as error:
@@ -385,7 +390,7 @@ def _right_fields(
 
 
 @cache
-def _unit(cls: type[Record], name: str) -> tuple[str, bool]:
+def unit_of_field(cls: type[Record], name: str) -> tuple[str, bool]:
     """Return the unit of a field, and whether its value maps names to numbers."""
     field = cls.model_fields.get(name)
     unit = unit_of(descriptions_of(cls).get(name, ""))

@@ -16,7 +16,8 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag
 from pydantic.json_schema import SkipJsonSchema
 
 from flexarm.base.errors import InputError, ModelError, Problem, public_call, shown
-from flexarm.model.arm.spec import ArmSpec, place_faults
+from flexarm.model.arm.mechanism import place_faults
+from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
 from flexarm.model.paths import number_at, with_number, with_numbers
 from flexarm.model.quantities import (
@@ -184,8 +185,8 @@ BaseAcceleration = Annotated[
 def place_faults_of(arm: ArmSpec, load: Load) -> Iterator[Fault]:
     """Yield the faults of a load that is not on an arm."""
     if load.spread is None:
-        return place_faults(arm, load.link, load.station)
-    return place_faults(arm, load.link, load.spread[1], "spread")
+        return place_faults(arm.links, load.link, load.station)
+    return place_faults(arm.links, load.link, load.spread[1], ("link", "spread"))
 
 
 def load_faults(given: Given) -> Iterator[Fault]:
@@ -468,7 +469,7 @@ def contact_faults(given: Given) -> Iterator[Fault]:
         return
     for i, contact in enumerate(given.contacts):
         link = len(given.arm.links) if contact.link is None else contact.link
-        for fault in place_faults(given.arm, link, contact.station):
+        for fault in place_faults(given.arm.links, link, contact.station):
             yield fault.inside("contacts", i)
 
 

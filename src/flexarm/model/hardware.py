@@ -10,7 +10,8 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from flexarm.base.arguments import check_numbers
 from flexarm.base.errors import ModelError, Problem, public_call, shown
-from flexarm.model.arm.spec import ArmSpec, place_faults
+from flexarm.model.arm.mechanism import place_faults
+from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
 from flexarm.model.quantities import (
     NO_LIMIT,
@@ -386,7 +387,7 @@ def instrument_faults(arm: ArmSpec, hardware: Hardware, contacts: bool) -> Itera
         if str(item.signal).startswith("contact_") and not contacts:
             yield Fault((*place, "signal"), f"is {item.signal}, but there are no contacts")
         if item.link is not None:
-            for fault in place_faults(arm, item.link, item.station):
+            for fault in place_faults(arm.links, item.link, item.station):
                 yield fault.inside(*place)
     yield from channel_faults(arm, hardware)
 

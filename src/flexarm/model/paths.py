@@ -9,9 +9,10 @@ from difflib import get_close_matches
 from typing import Any, TypeVar
 
 from flexarm.base.errors import InputError, ModelError, Problem, shown
-from flexarm.model.checks import Record, descriptions_of
+from flexarm.model.arm.joints import Joint, unit_of_sliding
+from flexarm.model.checks import Record, unit_of_field
 from flexarm.model.quantities import Names
-from flexarm.model.units import unit_of
+from flexarm.model.units import unit_of_entry
 
 R = TypeVar("R", bound=Record)
 
@@ -51,10 +52,14 @@ def number_at(name: str, record: Record, path: object, whole: str = "arm") -> fl
 def unit_at(record: Record, path: str) -> str:
     """Return the unit of the number at a path that ``number_at`` accepts; empty without a unit."""
     value: Any = record
-    unit = ""
+    unit, slides = "", False
     for part in parts_of(path):
+        slides = slides or (isinstance(value, Joint) and value.kind == "prismatic")
         if isinstance(value, Record):
-            unit = unit_of(descriptions_of(type(value)).get(str(part), ""))
+            units = unit_of_sliding if slides else unit_of_field
+            unit = units(type(value), str(part))[0]
+        elif isinstance(part, int):
+            unit = unit_of_entry(unit, part)
         value = _inside(value, part)
     return unit
 

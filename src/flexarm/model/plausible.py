@@ -8,6 +8,7 @@ with the links, because a wrong length or density makes them implausible, too.
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
 from contextlib import suppress
@@ -15,8 +16,9 @@ from typing import NamedTuple
 
 from flexarm.base.arguments import about_degrees
 from flexarm.base.errors import ImplausibleValueWarning, warn_caller
+from flexarm.model.arm.joints import Joint
 from flexarm.model.arm.links import Link, Material, Section
-from flexarm.model.arm.spec import ArmSpec, Joint, Payload
+from flexarm.model.arm.spec import ArmSpec
 
 #: Earth's standard gravity, m/s^2.
 STANDARD_GRAVITY = 9.80665
@@ -36,6 +38,7 @@ MISTAKES: dict[str, tuple[tuple[str, float], ...]] = {
     "N m/A": (("mN m/A", 1e-3), ("N mm/A", 1e-3)),
     "N m s/rad": (("mN m s/rad", 1e-3),),
     "N m": (("N mm", 1e-3), ("kN m", 1e3)),
+    "N": (("kN", 1e3), ("mN", 1e-3)),
     "ohm": (("mohm", 1e-3), ("kohm", 1e3)),
     "s": (("ms", 1e-3), ("us", 1e-6)),
 }
@@ -146,7 +149,12 @@ _GAUGE_BY_LENGTH, _GAUGE = Range(0.0, 0.01, 0.2), Range(2e-3, 0.5, 3.0)
 _OFFSET = Range(0.0, 0.1, 3.0)
 #: Backlash and the angle of a fixed joint, rad; stops farther than five turns are not reached.
 _BACKLASH, _REST, _STOP = Range(0.0, 1e-3, 0.5), Range(0.0, 1.0, 6.3), Range(0.0, 2.0, 31.5)
-#: Least turns of a motor per turn of the joint.
+#: Lengths of a sliding joint over the reach of the arm: its stroke, and its backlash.
+_STROKE, _PLAY = Range(0.0, 0.5, 300.0), Range(0.0, 1e-3, 0.3)
+#: Offset of a joint, and distance of a point of a closure, over the reach of the arm.
+_AWAY, _REACHES = Range(0.0, 0.3, 100.0), "{ratio} times the reach of the arm"
+#: Least turns of a motor per turn of the joint; for a sliding joint least rad/m, because drums and
+#: wheels have radii up to 3 m.
 _GEAR = 0.3
 
 
@@ -168,14 +176,16 @@ def _judge(findings: list[str], spec: ArmSpec) -> None:
     for i, link in enumerate(spec.links):
         _judge_link(findings, f"links[{i}]", link)
     if len(spec.links) > 1:
-        _judge_lengths(findings, spec.links)
+        _judge_lengths(findings, spec)
+    reach = sum(link.reach for link in spec.links)
     for i, joint in enumerate(spec.joints):
-        _judge_angles(findings, f"joints[{i}]", joint)
-    x, y = spec.payload.offset
-    if x or y:
-        offset = Number("payload.offset", math.hypot(x, y), "m")
-        ratio = offset.value / sum(link.reach for link in spec.links)
-        judge(findings, ratio, _OFFSET, "{ratio} times the reach of the arm", offset)
+        _judge_angles(findings, f"joints[{i}]", joint, reach)
+        _judge_distance(findings, f"joints[{i}].offset", joint.offset, reach)
+    for k, closure in enumerate(spec.closures):
+        _judge_distance(findings, f"closures[{k}].offset", closure.offset, reach)
+        _judge_distance(findings, f"closures[{k}].to_offset", closure.to_offset, reach)
+        _judge_angle(findings, f"closures[{k}].angle", closure.angle, _REST)
+    _judge_distance(findings, "payload.offset", spec.payload.offset, reach, _OFFSET)
     if not findings:
         judge_masses(findings, spec)
 
@@ -254,8 +264,25 @@ def _judge_dimension(findings: list[str], size: Number, length: Number, within: 
     judge(findings, 1.0 / ratio, slender, f"length over {what} is {{ratio}}", *numbers)
 
 
-def _judge_lengths(findings: list[str], links: Sequence[Link]) -> None:
-    lengths = sorted((link.length, i) for i, link in enumerate(links))
+def _judge_distance(
+    findings: list[str], path: str, place: Sequence[float], reach: float, within: Range = _AWAY
+) -> None:
+    """Judge the distance of a place by the reach of the arm."""
+    distance = Number(path, math.hypot(*place), "m")
+    judge(findings, distance.value / reach, within, _REACHES, distance)
+
+
+def _judge_angle(findings: list[str], path: str, angle: float, within: Range) -> None:
+    number = Number(path, angle, "rad")
+    judge(findings, abs(angle), within, f"{math.degrees(angle):.4g} deg", number)
+
+
+def _judge_lengths(findings: list[str], spec: ArmSpec) -> None:
+    # A carriage that slides has a length only to carry the next joint.
+    items = enumerate(zip(spec.links, spec.joints, strict=True))
+    lengths = sorted((link.length, i) for i, (link, joint) in items if joint.kind == "revolute")
+    if not lengths:
+        return
     (shortest, i), (longest, k) = lengths[0], lengths[-1]
     if longest / shortest <= _LENGTHS.high:
         return
@@ -267,14 +294,14 @@ def _judge_lengths(findings: list[str], links: Sequence[Link]) -> None:
     judge(findings, ratio, _LENGTHS, "{ratio} times that of another link", number)
 
 
-def _judge_angles(findings: list[str], at: str, joint: Joint) -> None:
-    """Judge the angles and the gear of a joint."""
-    for name, within in (("rest_angle", _REST), ("backlash", _BACKLASH)):
-        value = getattr(joint, name)
-        if abs(value) > within.high:
-            number = Number(f"{at}.{name}", value, "rad")
-            degrees = f"{math.degrees(value):.4g} deg"
-            judge(findings, abs(value), within, degrees, number)
+def _judge_angles(findings: list[str], at: str, joint: Joint, reach: float) -> None:
+    """Judge the angles and the gear of a joint; lengths of a sliding joint by the arm's reach."""
+    _judge_angle(findings, f"{at}.mounting_angle", joint.mounting_angle, _REST)
+    if joint.kind == "prismatic":
+        _judge_lengths_of_slide(findings, at, joint, reach)
+        return
+    _judge_angle(findings, f"{at}.rest_angle", joint.rest_angle, _REST)
+    _judge_angle(findings, f"{at}.backlash", joint.backlash, _BACKLASH)
     if joint.limits is not None:
         ends = {name: getattr(joint.limits, name) for name in ("lower", "upper")}
         # A power of ten is a stop that is never reached, such as 1000 rad.
@@ -290,6 +317,21 @@ def _judge_angles(findings: list[str], at: str, joint: Joint) -> None:
         findings.append(
             f"{at}.gear_ratio is {joint.gear_ratio:.4g}, less than one turn of the motor per turn "
             f"of the joint: did you mean {1.0 / joint.gear_ratio:.4g}?"
+        )
+
+
+def _judge_lengths_of_slide(findings: list[str], at: str, joint: Joint, reach: float) -> None:
+    lengths = [("rest_angle", joint.rest_angle, _STROKE), ("backlash", joint.backlash, _PLAY)]
+    if joint.limits is not None:
+        ends = [("limits.lower", joint.limits.lower), ("limits.upper", joint.limits.upper)]
+        lengths += [(name, end, _STROKE) for name, end in ends if not _distant(end)]
+    for name, length, within in lengths:
+        number = Number(f"{at}.{name}", length, "m")
+        judge(findings, abs(length) / reach, within, _REACHES, number)
+    if joint.gear_ratio < _GEAR:
+        findings.append(
+            f"{at}.gear_ratio is {joint.gear_ratio:.4g} rad/m, as of a wheel with a radius of "
+            f"{1.0 / joint.gear_ratio:.4g} m: did you mean {1.0 / joint.gear_ratio:.4g} rad/m?"
         )
 
 
@@ -343,7 +385,7 @@ class _Part(NamedTuple):
     """Mass (kg), first moment (kg m) and inertia (kg m^2) of the arm outboard of a joint."""
 
     mass: float
-    first: float
+    first: complex  # along the axis of the link, and across
     inertia: float
 
 
@@ -363,6 +405,9 @@ def judge_masses(findings: list[str], spec: ArmSpec) -> None:
     for i, (joint, part) in enumerate(zip(spec.joints, parts, strict=True)):
         if not joint.fixed and part.mass and part.inertia:
             at, torque = f"joints[{i}]", weight * abs(part.first)
+            if joint.kind == "prismatic":
+                _judge_slide(findings, at, joint, part, weight * part.mass)
+                continue
             _judge_joint(findings, at, joint, part, torque, falls)
             if joint.elastic:
                 bends = beams[i] if spec.links[i].flexible else None
@@ -370,9 +415,12 @@ def judge_masses(findings: list[str], spec: ArmSpec) -> None:
 
 
 def weights(spec: ArmSpec) -> list[float]:
-    """Return the torque (N m) by which gravity turns each joint of the horizontal, straight arm."""
-    parts = _outboard(spec, [_beam(link) for link in spec.links])
-    return [math.hypot(*spec.gravity) * abs(part.first) for part in parts]
+    """Return the torque (N m) of gravity at each joint of the horizontal arm, 0 if it slides."""
+    parts, weight = _outboard(spec, [_beam(link) for link in spec.links]), math.hypot(*spec.gravity)
+    return [
+        weight * math.hypot(part.first.real, part.first.imag) if joint.kind == "revolute" else 0.0
+        for part, joint in zip(parts, spec.joints, strict=True)
+    ]
 
 
 def _beam(link: Link) -> _Beam:
@@ -388,20 +436,30 @@ def _beam(link: Link) -> _Beam:
 
 
 def _outboard(spec: ArmSpec, beams: Sequence[_Beam]) -> list[_Part]:
-    """Return the part outboard of each joint, of the straight arm."""
-    payload = spec.payload
+    """Return the part outboard of each joint, of the arm with all joints at zero."""
+    payload, last = spec.payload, spec.links[-1]
     x, y = payload.offset
-    mass, first = payload.mass, payload.mass * x
     inertia = payload.inertia + payload.mass * (x * x + y * y)
+    held = _Part(payload.mass, payload.mass * x, inertia)
+    carried: list[list[tuple[complex, _Part]]] = [[] for _ in spec.links]
+    carried[-1].append((last.reach, held))
     parts: list[_Part] = []
-    for link, joint, beam in zip(spec.links[::-1], spec.joints[::-1], beams[::-1], strict=True):
-        reach, centre = link.reach, link.hub_radius + 0.5 * link.length
-        inertia += reach * (2.0 * first + mass * reach)
-        inertia += beam.mass * (centre**2 + link.length**2 / 12.0)
-        first += mass * reach + beam.mass * centre
-        mass += beam.mass
+    for i in reversed(range(len(spec.links))):
+        link, joint, beam, k = spec.links[i], spec.joints[i], beams[i], spec.parents[i]
+        centre = link.hub_radius + 0.5 * link.length
+        mass, first = beam.mass, complex(beam.mass * centre)
+        inertia = beam.mass * (centre**2 + link.length**2 / 12.0)
+        for place, part in carried[i]:
+            moment = part.mass * place
+            mass, first = mass + part.mass, first + part.first + moment
+            inertia += part.inertia + (place.conjugate() * (2.0 * part.first + moment)).real
         parts.append(_Part(mass, first, inertia))
-        mass += joint.mass
+        if k >= 0:
+            parent = spec.links[k]
+            station = parent.length if link.parent_station is None else link.parent_station
+            place = complex(*joint.offset) + parent.hub_radius + station
+            turned = first * cmath.rect(1.0, joint.mounting_angle)
+            carried[k].append((place, _Part(mass + joint.mass, turned, inertia)))
     return parts[::-1]
 
 
@@ -445,7 +503,7 @@ def _judge_payload(
     findings: list[str], spec: ArmSpec, beams: Sequence[_Beam], weight: float, falls: bool
 ) -> None:
     """Judge the payload by the mass and the stiffness of the links."""
-    payload: Payload = spec.payload
+    payload = spec.payload
     mass, total, last = payload.mass, sum(beam.mass for beam in beams), beams[-1]
     if not mass or not total:
         return
@@ -463,6 +521,23 @@ def _judge_payload(
         number = Number("payload.inertia", payload.inertia, "kg m^2", 0.5)
         statement = "so that its radius of gyration is {ratio} times the reach of the arm"
         judge(findings, ratio, _GYRATION, statement, number)
+
+
+def _judge_slide(findings: list[str], at: str, joint: Joint, part: _Part, force: float) -> None:
+    """Judge the masses and the friction of a sliding joint by the arm outboard of it."""
+    others = "times that of the arm outboard of the joint"
+    if joint.rotor_inertia:
+        number = Number(f"{at}.rotor_inertia", joint.rotor_inertia, "kg m^2")
+        ratio = joint.rotor_inertia * joint.gear_ratio**2 / part.mass
+        statement = "behind the gear {ratio} times the mass of the arm outboard of the joint"
+        judge(findings, ratio, _ROTOR, statement, number)
+    if joint.mass:
+        number = Number(f"{at}.mass", joint.mass, "kg")
+        judge(findings, joint.mass / part.mass, _MASS, f"{{ratio}} {others}", number)
+    if joint.friction is not None and force:
+        number = Number(f"{at}.friction.coulomb", joint.friction.coulomb, "N")
+        statement = "{ratio} times the weight of the arm outboard of the joint"
+        judge(findings, joint.friction.coulomb / force, _FRICTION, statement, number)
 
 
 def _judge_joint(

@@ -59,11 +59,11 @@ def _listed(value: Any) -> Any:
     return given
 
 
-def _two(value: Any) -> Any:
-    given = plain(value)
-    if not isinstance(given, list | tuple) or len(given) != 2:
-        raise refuse("be a list of two numbers", given)
-    return given
+def _numbers(count: str, length: int, value: Any) -> Any:
+    numbers = plain(value)
+    if not isinstance(numbers, list | tuple) or len(numbers) != length:
+        raise refuse(f"be a list of {count} numbers", numbers)
+    return numbers
 
 
 def _directed(value: tuple[float, float]) -> tuple[float, float]:
@@ -140,6 +140,7 @@ if TYPE_CHECKING:
     Named = Annotated[Mapping[str, T], ...]
     Mapped = Annotated[Mapping[str, T], ...]
     Pair = Sequence[float]
+    NonNegatives = Sequence[float]
     Direction = Sequence[float]
     Limit = float
     Limits = float | Sequence[float]
@@ -159,7 +160,12 @@ Probability = Annotated[
 ]
 Tolerance = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain), Rule(check_tolerance)]
 Count = Annotated[int, Field(strict=True, ge=1), BeforeValidator(plain), Rule(check_count)]
-CountOrZero = Annotated[int, Rule(partial(check_count, least=0))]
+CountOrZero = Annotated[
+    int,
+    Field(strict=True, ge=0),
+    BeforeValidator(plain),
+    Rule(partial(check_count, least=0)),
+]
 Flag = Annotated[bool, Field(strict=True), BeforeValidator(plain), Rule(check_flag)]
 Workers = Annotated[int | None, Rule(check_workers)]  # processes or threads; None: one each core
 Word = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_printable)]
@@ -173,7 +179,11 @@ OneOrMany = Annotated[
 # A limit that does not exist is infinite in Python, and missing or null in files.
 NO_LIMIT: dict[str, Any] = {"default": None}  # in the schema
 if not TYPE_CHECKING:
-    Pair = Annotated[tuple[Number, Number], BeforeValidator(_two)]
+    Pair = Annotated[tuple[Number, Number], BeforeValidator(partial(_numbers, "two", 2))]
+    NonNegatives = Annotated[  # of the three coordinates of a body
+        tuple[NonNegative, NonNegative, NonNegative],
+        BeforeValidator(partial(_numbers, "three", 3)),
+    ]
     Direction = Annotated[Pair, AfterValidator(_directed)]  # of any length but zero
     _Limit = Annotated[float, Field(strict=True, gt=0), BeforeValidator(plain)]  # or infinite
     Limit = Annotated[_Limit | None, AfterValidator(_unlimited)]

@@ -89,9 +89,12 @@ ohm = volt / ampere = Ω
 
 
 def unit_of(description: str) -> str:
-    """Return the first unit in a description, such as N m^2; empty if it has none."""
+    """Return the first unit in a description, such as N m^2; empty if it has none.
+
+    A list whose entries have different units has one for each: N/m; N m/rad.
+    """
     for text in _IN_BRACKETS.findall(description):
-        words = re.sub(r"\^-?\d(\.\d)?|[/()]", " ", text).split()
+        words = re.sub(r"\^-?\d(\.\d)?|[/();]", " ", text).split()
         if words and set(words) <= _WORDS and words != ["1"]:
             return str(text)
     return ""
@@ -123,6 +126,12 @@ def in_si(
     return ({**data, **changed} if changed else data), faults
 
 
+def unit_of_entry(unit: str, index: int) -> str:
+    """Return the unit of an entry of a list with the unit of `unit_of`."""
+    units = unit.split("; ")
+    return units[index] if index < len(units) > 1 else unit
+
+
 def _has_quantity(value: Any) -> bool:
     """Return whether a value is a number with a unit, or a list or mapping that contains one."""
     if isinstance(value, str):
@@ -144,7 +153,8 @@ def _converted(value: Any, unit: str, maps: bool, path: Path, faults: dict[Path,
     changed = {}
     for key, item in items.items():
         if type(item) in (str, list, tuple):
-            converted = _converted(item, unit, maps, (*path, key), faults)
+            of_item = unit_of_entry(unit, key) if isinstance(key, int) else unit
+            converted = _converted(item, of_item, maps, (*path, key), faults)
             if converted is not item:
                 changed[key] = converted
     if not changed:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.base.arguments import check_number, check_positive, check_times, warn_of_degrees
 from flexarm.base.errors import InputError, Problem, check_array, nearest, public_call, shown
 from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
@@ -251,7 +252,7 @@ class Motion(ABC):
     @property
     def joints(self) -> int:
         """Number of joints n."""
-        return len(self.chain.lengths)
+        return self.chain.joints
 
     @property
     def end_time(self) -> float:
@@ -430,7 +431,8 @@ def joint_motion(
     law = timing_law(profile)
     chain = rigid_chain(arm)
     angles = {k: check_array(k, v, (arm.joints,)) for k, v in (("start", start), ("end", end))}
-    warn_of_degrees(**angles)
+    turning = turning_joints(arm)
+    warn_of_degrees(**{name: values[turning] for name, values in angles.items()})
     return JointMotion(
         chain=chain,
         **angles,

@@ -61,10 +61,10 @@ arm:
             ),
             ("7: arm.links[0].EI is not a known key. Did you mean 'flexural_rigidity'?"),
             (
-                "9: arm.links[0].colour is not a known key. Known: length, hub_radius, "
-                "flexural_rigidity, mass_per_length, rotary_inertia_per_length, shear_rigidity, "
-                "material, section, table, element, elements, segments, modes, flexible, "
-                "rotary_inertia, damping, gauges."
+                "9: arm.links[0].colour is not a known key. Known: length, parent, "
+                "parent_station, hub_radius, flexural_rigidity, mass_per_length, "
+                "rotary_inertia_per_length, shear_rigidity, material, section, table, element, "
+                "elements, segments, modes, flexible, rotary_inertia, damping, gauges."
             ),
         ],
     ),
@@ -228,10 +228,10 @@ arm:
                 "Write the bare number, in SI units."
             ),
             (
-                "5: arm.links[1].5 is not a known key. Known: length, hub_radius, "
-                "flexural_rigidity, mass_per_length, rotary_inertia_per_length, shear_rigidity, "
-                "material, section, table, element, elements, segments, modes, flexible, "
-                "rotary_inertia, damping, gauges."
+                "5: arm.links[1].5 is not a known key. Known: length, parent, "
+                "parent_station, hub_radius, flexural_rigidity, mass_per_length, "
+                "rotary_inertia_per_length, shear_rigidity, material, section, table, element, "
+                "elements, segments, modes, flexible, rotary_inertia, damping, gauges."
             ),
         ],
     ),

@@ -5,8 +5,10 @@ from hypothesis import strategies as st
 from flexarm.model import (
     AccelerationTable,
     ArmSpec,
+    Base,
     Box,
     Circle,
+    Closure,
     FactorTable,
     FollowingJoint,
     Friction,
@@ -166,6 +168,31 @@ def arm_specs(draw):
         gravity=draw(pairs),
         theory=draw(st.sampled_from(["linear", "second_order"])),
     )
+
+
+@st.composite
+def mechanism_specs(draw):
+    """Draw an arm with branches, sliding joints, a base that moves and closures."""
+    arm = draw(arm_specs())
+    links, joints = [], []
+    for i, (link, joint) in enumerate(zip(arm.links, arm.joints, strict=True)):
+        parent = draw(st.none() | st.integers(0, i))
+        carrier = arm.links[(i if parent is None else parent) - 1] if i and parent != 0 else None
+        parts = [0.0, 1.0] if carrier and carrier.damping and carrier.flexible else [0.0, 0.4, 1.0]
+        part = draw(st.none() | st.sampled_from(parts)) if carrier else None
+        station = None if part is None else part * carrier.length
+        links.append(link.replace(parent=parent, parent_station=station))
+        axis = draw(st.none() | st.just((1.0, 0.0)) | st.tuples(positive, numbers))
+        kind = {} if draw(st.booleans()) else {"kind": "prismatic", "axis": axis}
+        place = {"offset": draw(pairs), "mounting_angle": draw(numbers)}
+        joints.append(joint.replace(**kind, **place))
+    free = draw(st.lists(st.sampled_from(["x", "y", "angle"]), unique=True))
+    springs = [draw(not_negative) if name in free else 0.0 for name in ("x", "y", "angle")]
+    base = Base(mass=draw(positive), inertia=draw(positive), free=free, stiffness=springs)
+    kinds = st.sampled_from([{"kind": "pin"}, {"kind": "weld", "angle": 0.1}, {"kind": "line"}])
+    numbered = draw(st.lists(st.integers(1, len(links)), unique=True))
+    closures = [Closure(link=link, to_offset=draw(pairs), **draw(kinds)) for link in numbered]
+    return arm.replace(links=links, joints=joints, base=base, closures=closures)
 
 
 @st.composite

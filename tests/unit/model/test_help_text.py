@@ -37,7 +37,7 @@ def test_signature_of_a_link_lists_its_arguments() -> None:
 
 def test_signature_of_an_arm_lists_its_arguments() -> None:
     assert list(inspect.signature(fa.Arm).parameters) == [
-        "links", "joints", "payload", "gravity", "theory",
+        "links", "joints", "payload", "gravity", "base", "closures", "theory",
     ]  # fmt: skip
 
 

@@ -4,7 +4,7 @@ import pickle
 
 import pytest
 from hypothesis import HealthCheck, given, settings
-from model_strategies import arm_specs, scenarios
+from model_strategies import arm_specs, mechanism_specs, scenarios
 
 from flexarm.base.errors import InputError
 from flexarm.model import (
@@ -30,6 +30,16 @@ relaxed = settings(
 def test_arm_file_is_read_back_equal(spec, tmp_path):
     save_arm_spec(spec, tmp_path / "arm.yaml")
     assert load_arm_spec(tmp_path / "arm.yaml") == spec
+
+
+@relaxed
+@given(spec=mechanism_specs())
+def test_file_of_a_mechanism_is_read_back_equal(spec, tmp_path):
+    save_arm_spec(spec, tmp_path / "arm.yaml")
+    read = load_arm_spec(tmp_path / "arm.yaml")
+    assert read == spec
+    assert ArmSpec.model_validate_json(spec.model_dump_json()) == spec
+    assert (read.parents, read.features) == (spec.parents, spec.features)
 
 
 @relaxed

@@ -20,7 +20,7 @@ from flexarm.cli.main import app
 from flexarm.model import ArmSpec, load_arm_spec
 from flexarm.model.identification import locate_identification
 from flexarm.model.paths import number_at, number_paths, with_number, with_numbers
-from flexarm.model.plausible import implausible
+from flexarm.model.plausible import implausible, weights
 from plausible_arms import plausible_spec
 
 ROOT = Path(__file__).parents[3]
@@ -295,6 +295,74 @@ def test_half_of_all_mistakes_of_a_factor_of_1000_are_noticed():
         except InputError:
             noticed += 1
     assert noticed >= 0.53 * count, noticed / count
+
+
+#: A gantry: a bridge and a trolley on belts, with a mast that bends, in SI units.
+GANTRY = {
+    "links": [
+        {"length": 0.05, "mass_per_length": 400.0, "flexible": False},
+        {"length": 0.005, "mass_per_length": 2000.0, "flexible": False},
+        {
+            "length": 1.5,
+            "material": "steel",
+            "section": fa.Box(width=0.1, height=0.1, thickness=0.005),
+        },
+    ],
+    "joints": [
+        {
+            "kind": "prismatic",
+            "rotor_inertia": 2e-3,
+            "gear_ratio": 60.0,
+            "friction": {"coulomb": 40.0},
+            "limits": {"lower": -6.0, "upper": 6.0, "stiffness": 1e6},
+        },
+        {"kind": "prismatic", "axis": [0.0, 1.0], "rest_angle": 0.4, "mass": 5.0},
+        {"mounting_angle": -1.57, "offset": [0.0, -0.2], "fixed": True},
+    ],
+    "payload": {"mass": 10.0},
+    "gravity": [0.0, -9.81],
+}
+
+
+def gantry(k=0, **joint):
+    joints = [{**old, **joint} if i == k else old for i, old in enumerate(GANTRY["joints"])]
+    return ArmSpec(**{**GANTRY, "joints": joints})
+
+
+def test_sliding_joints_are_not_judged_as_turning_ones():
+    assert implausible(gantry()) == []
+    assert implausible(gantry(limits={"lower": -90.0, "upper": 90.0, "stiffness": 1e6})) == []
+    assert weights(gantry())[:2] == [0.0, 0.0]
+    assert weights(gantry())[2] > 100.0
+
+
+@pytest.mark.parametrize(
+    ("k", "joint", "text"),
+    [
+        (0, {"limits": {"lower": -6.0, "upper": 6000.0, "stiffness": 1e6}}, r"mean 6 m \(mm\)"),
+        (1, {"rest_angle": 800.0}, r"joints\[1\].rest_angle is 800 m.*mean 0.8 m \(mm\)"),
+        (0, {"gear_ratio": 0.02}, "gear_ratio is 0.02 rad/m.*mean 50 rad/m"),
+        (2, {"mounting_angle": 90.0}, r"mounting_angle is 90 rad.*mean 1.571 rad \(deg\)"),
+        (2, {"offset": [0.0, 200.0]}, r"joints\[2\].offset is 200 m.*mean 0.2 m \(mm\)"),
+        (0, {"rotor_inertia": 2e4}, r"joints\[0\].rotor_inertia .*mass of the arm outboard"),
+        (0, {"friction": {"coulomb": 4e5}}, r"coulomb is 4e\+05 N, .*mean 400 N \(mN\)"),
+        (1, {"mass": 5e4}, r"joints\[1\].mass is 5e\+04 kg.*mean 50 kg \(g\)"),
+    ],
+)
+def test_mistakes_at_sliding_and_mounted_joints_are_noticed(k, joint, text):
+    (finding,) = implausible(gantry(k, **joint))
+    assert re.search(text, finding), finding
+
+
+def test_arms_on_one_link_load_its_joint_together():
+    """Two equal arms that point in opposite directions balance."""
+    arm = {"length": 1.0, "mass_per_length": 2.0, "flexible": False}
+    links = [arm, arm, {**arm, "parent": 1}]
+    side, both = {}, {"mounting_angle": math.pi}
+    together = weights(ArmSpec(links=links, gravity=(0.0, -10.0)))
+    apart = weights(ArmSpec(links=links, joints=[{}, side, both], gravity=(0.0, -10.0)))
+    assert together == pytest.approx([10.0 * (1.0 + 2 * 3.0), 10.0, 10.0], rel=1e-12)
+    assert apart == pytest.approx([10.0 * (1.0 + 2 * 2.0), 10.0, 10.0], rel=1e-12)
 
 
 def _warned(call):

@@ -18,7 +18,7 @@ from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_co
 from flexarm.arm.beams.invariants import inverse_inertia
 from flexarm.arm.beams.properties import interpolation_error
 from flexarm.base.errors import InputError
-from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS, IS_TREE
+from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS, IS_FREE, IS_TREE
 from flexarm.kernels.layout import ArmConstants, empty_constants
 from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_LINE, ROW_X, ROW_Y
 from flexarm.model import ArmSpec, Base, Joint, Link, RayleighDamping
@@ -187,10 +187,16 @@ def _moving(base: Base) -> tuple[str, ...]:
     return tuple(name for name in ("x", "y", "angle") if name in base.free)
 
 
+def _parent(spec: ArmSpec, index: int) -> int:
+    """Return the number of the link that carries the joint of a link, 0 for the base."""
+    parent = spec.links[index].parent
+    return index if parent is None else parent
+
+
 def _stations_of_children(spec: ArmSpec) -> list[tuple[float, ...]]:
     """Return, for each link, the stations (m) below its tip that carry links or closures."""
     stations: list[set[float]] = [set() for _ in spec.links]
-    points = [(link.parent, link.parent_station) for link in spec.links]
+    points = [(_parent(spec, i), link.parent_station) for i, link in enumerate(spec.links)]
     for closure in spec.closures:
         points += [(closure.link, closure.station), (closure.to_link, closure.to_station)]
     for number, station in points:
@@ -322,43 +328,43 @@ def _place_tree(
     for piece in pieces:
         bodies[piece.link].append(piece)
 
-    def section(number: int, station: float | None) -> tuple[int, float]:
-        """Return the body on whose tip a point of a link lies, and how far beyond it (m)."""
+    def section(number: int, station: float | None) -> int:
+        """Return the body on whose tip a point of a link lies."""
         if number == 0:
-            return base, 0.0
-        link, own = spec.links[number - 1], bodies[number - 1]
-        if station is None or station >= link.length:
-            return own[-1].body, 0.0
+            return base
+        own = bodies[number - 1]
+        if station is None or station >= spec.links[number - 1].length:
+            return own[-1].body
         before = [p for p in own if p.start < station * (1.0 - 1e-9)]
-        return (before[-1].body, 0.0) if before else (own[0].body - 1, link.hub_radius)
+        return before[-1].body if before else own[0].body - 1
 
     carriers = []
     for index, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
-        parent = index if link.parent is None else link.parent
-        carrier, beyond = section(parent, link.parent_station)
-        place = np.array(joint.offset, dtype=object)
-        place[0] = place[0] + beyond
+        carrier, place = section(_parent(spec, index), link.parent_station), np.array(joint.offset)
         carriers.append(carrier)
         root = bodies[index][0].body - (0.0 in carried[index])
         if 0.0 in carried[index]:
-            constants.residual_tip[root] = 1.0, 0.0, 0.0, 1.0
+            # Its tip is the root of the link; the body of the link goes back to the joint.
+            constants.residual_tip[root] = 1.0, link.hub_radius, 0.0, 1.0
+            constants.length[root] = link.hub_radius
+            constants.place[root + 1] = -link.hub_radius, 0.0
         first = moved.get(index, root)
         constants.parent[first] = carrier
         constants.joint_angle[first] = joint.mounting_angle
         _place_joint(constants, slice(first, first + 1 + joint.elastic), first, joint, place)
     row = 0
     for closure in spec.closures:
-        first, beyond = section(closure.link, closure.station)
-        points = [closure.offset[0] + beyond, closure.offset[1], *closure.to_offset]
-        second = -1
+        first, second = section(closure.link, closure.station), -1
         if closure.to_link is not None:
-            second, beyond = section(closure.to_link, closure.to_station)
-            points[2] += beyond
+            second = section(closure.to_link, closure.to_station)
         kinds = {"pin": (ROW_X, ROW_Y), "weld": (ROW_X, ROW_Y, ROW_ANGLE), "line": (ROW_LINE,)}
         for kind in kinds[closure.kind]:
             constants.ends[row] = kind, first, second
-            constants.closure[row] = *points, closure.angle
+            constants.closure[row] = *closure.offset, *closure.to_offset, closure.angle
             row += 1
+    held = any((*spec.base.stiffness, *spec.base.damping, *spec.gravity))
+    held = held or any(closure.to_link is None for closure in spec.closures)
+    constants.arm[IS_FREE] = float(len(spec.base.free) == 3 and not held)
     serial = np.arange(constants.mass.size) - 1.0
     moves = constants.slides.any() or constants.place.any() or row > 0
     constants.arm[IS_TREE] = float(bool(moves or np.any(constants.parent != serial)))

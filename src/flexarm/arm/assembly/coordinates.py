@@ -34,9 +34,42 @@ def modal_size(arm: Coordinates) -> float:
     return size or 1.0
 
 
+def carriers_of(arm: Coordinates) -> list[int]:
+    """Return the body whose tip section carries the joint of each body, (n,); -1: the ground."""
+    return [int(parent) for parent in arm.assembly.constants.parent]
+
+
+def station_of(spec: ArmSpec, link: int) -> float:
+    """Return the distance (m) of the joint of a link from the root of the link that carries it."""
+    length, station = spec.links[spec.parents[link]].length, spec.links[link].parent_station
+    return length if station is None else min(station, length)
+
+
+def joint_roots(arm: Coordinates) -> NDArray[np.intp]:
+    """Return the bodies on which the joints act, (links,).
+
+    They are the first bodies of the links, or the massless bodies at roots that carry other links.
+    """
+    links = zip(arm.spec.parents, arm.spec.links, strict=True)
+    carrying = {parent for parent, link in links if link.parent_station == 0.0}
+    shifts = [int(i in carrying) for i in range(arm.links)]
+    return arm.assembly.link_body - np.array(shifts, dtype=np.intp)
+
+
+def turning_joints(arm: Coordinates) -> NDArray[np.bool_]:
+    """Return which of the joints that are not fixed turn, (joints,); the others slide."""
+    kinds = [arm.spec.joints[seat.link].kind for seat in arm.assembly.seats]
+    return np.array([kind == "revolute" for kind in kinds], dtype=bool)
+
+
 def coordinate_sizes(arm: Coordinates) -> FloatArray:
-    """Return coordinates (dof,) of equal size: one radian, and ``modal_size`` for modes."""
+    """Return coordinates (dof,) of equal size: one radian, and ``modal_size`` for modes.
+
+    Coordinates of joints and bases that slide have the reach.
+    """
     sizes = np.ones(arm.dof)
+    bodies = arm.assembly.coordinates // (1 + arm.assembly.modes)
+    sizes[arm.assembly.constants.slides[bodies] > 0.0] = arm.reach
     for piece in arm.assembly.pieces:
         sizes[piece.modal] = modal_size(arm)
     return sizes
@@ -45,10 +78,12 @@ def coordinate_sizes(arm: Coordinates) -> FloatArray:
 class Coordinates:
     """Generalised coordinates q (dof,) of an arm.
 
-    For each link: its joint angle (rad), relative to the tip tangent of the previous link (the
-    first: to world x), then its modal coordinates (m sqrt(kg)). A fixed joint has no coordinate; an
-    elastic one has two: the motor's angle behind the gear, and the additional rotation of the link
-    by the spring.
+    First those of a base that moves: x, y (m) and angle (rad), as far as they are free. Then for
+    each link: its joint angle (rad), relative to the tangent of the section that carries the joint
+    (of a serial arm the tip tangent of the previous link, the first: to world x) plus the mounting
+    angle, then its modal coordinates (m sqrt(kg)). A sliding joint has a position (m) in place of
+    the angle. A fixed joint has no coordinate; an elastic one has two: the motor's angle behind the
+    gear, and the additional rotation of the link by the spring.
     """
 
     def __init__(self, spec: ArmSpec, assembly: Assembly) -> None:
@@ -90,12 +125,44 @@ class Coordinates:
         """Lengths of the links from root to tip, without their hubs, (links,) m."""
         return np.array([link.length for link in self.spec.links])
 
+    @property
+    def reach(self) -> float:
+        """Distance from the base to the furthest tip of the straight links in line, m."""
+        if self.spec.is_serial:
+            return float(np.sum(self.lengths))
+        ends: list[float] = []
+        for i, (link, joint) in enumerate(zip(self.spec.links, self.spec.joints, strict=True)):
+            parent, start = self.spec.parents[i], 0.0
+            if parent >= 0:
+                start = ends[parent] - self.spec.links[parent].length
+                start += station_of(self.spec, i)
+            ends.append(start + float(np.hypot(*joint.offset)) + link.reach)
+        return max(ends)
+
     @public_call
-    def rest(self, joint_angles: ArrayLike) -> FloatArray:
-        """Return q (dof,) of straight links at relative joint angles (joints,), rad."""
+    def rest(self, joint_angles: ArrayLike, base: ArrayLike | None = None) -> FloatArray:
+        """Return q (dof,) of straight links at a posture, or their rates from rates.
+
+        Args:
+            joint_angles: (joints,) relative, rad; positions of sliding joints, m.
+            base: x, y (m) and angle (rad) of a base that moves; zero by default.
+
+        Raises:
+            InputError: if an argument has the wrong shape, or a coordinate of the base that is not
+                free is not zero.
+        """
         angles = check_array("joint_angles", joint_angles, (self.joints,))
         q = np.zeros(self.dof)
         q[self.joint_index] = angles
+        if base is None:
+            return q
+        values = dict(zip(("x", "y", "angle"), check_array("base", base, (3,)), strict=True))
+        for coordinate in self.assembly.base:
+            q[coordinate.index] = values.pop(coordinate.name)
+        for name, value in values.items():
+            if value != 0.0:
+                rule = f"have {name} = 0, because the base is not free to move in it"
+                raise InputError(Problem("base", rule, shown(float(value))))
         return q
 
     @public_call

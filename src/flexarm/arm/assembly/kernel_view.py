@@ -31,7 +31,7 @@ _SHARED: dict[str, tuple[_Kernel, ...]] = {
     "d": (forward_dynamics, inverse_dynamics),
     "D": (forward_jacobian,),
 }
-_known: dict[tuple[int | str, ...], tuple[Sizes, dict[_Kernel, Entry]]] = {}
+_known: dict[tuple[int | str | bytes, ...], tuple[Sizes, dict[_Kernel, Entry]]] = {}
 
 
 class _Entries(dict[_Kernel, Entry]):
@@ -63,7 +63,8 @@ class KernelView:
         self.work = new_workspace(constants, dtype)
         self.shape = self.work.acceleration.shape
         sizes, number = run_time_sizes(constants), self.work.body.dtype.char
-        key = (*map(len, sizes), constants.body.dtype.char, number)
+        order = sizes.joints.tobytes(), sizes.ends.tobytes()
+        key = (*map(len, sizes), constants.body.dtype.char, number, *order)
         shared = {kernel: Entry(kernel) for kernel in _SHARED.get(number, ())}
         self.sizes, shared = _known.setdefault(key, (sizes, shared))
         self._entries = _Entries(shared)

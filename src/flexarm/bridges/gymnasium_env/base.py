@@ -37,6 +37,7 @@ from flexarm.model import (
     ModalDamping,
     Motors,
 )
+from flexarm.model.arm.spec import serial_only
 from flexarm.simulation.calls.plant import Plant
 
 FloatArray = NDArray[np.float64]
@@ -139,7 +140,7 @@ def exact_instruments(arm: Arm, extra: Sequence[str] = ()) -> list[Instrument]:
 
 def _reach_of(arm: Arm) -> float:
     """Return the length (m) of the straight arm."""
-    return float(np.sum(arm.lengths))
+    return arm.reach
 
 
 def _named(item: Instrument) -> list[tuple[str, object]]:
@@ -242,6 +243,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             given = self.laboratory_torque if arm is None else None
             torque_limit = _default_limit(given, hardware.motors)
         self.arm = arm or laboratory_arm()
+        serial_only(self.arm.spec, "an environment of Gymnasium")
         self.reach = _reach_of(self.arm)
         #: Torques (joints,) N m of an action of 1.
         self.torque_limit = np.full(

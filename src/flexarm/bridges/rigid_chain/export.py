@@ -26,6 +26,7 @@ from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.base.writing.places import check_place, write_text
 from flexarm.model import Joint, Link, ModalDamping, SectionTable
+from flexarm.model.arm.spec import serial_only
 
 #: Points of the quadrature in each interval of the table of a link.
 _POINTS = 20
@@ -58,6 +59,7 @@ class RigidChain:
 
 def rigid_chain(arm: Arm, count: int) -> RigidChain:
     """Replace flexible links by rigid bars on virtual joints; InputError for friction, stops."""
+    serial_only(arm.spec, "an export to simulators of rigid bodies")
     problems = [
         Problem(f"joints[{k}].{name}", "is not supported")
         for k, joint in enumerate(arm.spec.joints)

@@ -46,6 +46,7 @@ from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.parameters import constants_at, same_arrays
+from flexarm.model.arm.spec import serial_only
 from flexarm.model.paths import number_at, number_paths, with_number
 
 #: Array of objects: `Scalar` objects and numbers.
@@ -260,6 +261,7 @@ class KernelCalls:
     def __init__(
         self, arm: Arm, constants: ArmConstants, gauge_bodies: Any, gauge_rows: Objects, free: Any
     ) -> None:
+        serial_only(arm.spec, "a symbolic model", ("closures",))
         self.arm, self.constants = arm, constants
         self.gauge_bodies, self.gauge_rows = gauge_bodies, gauge_rows
         self.free = free

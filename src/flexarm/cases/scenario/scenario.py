@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.actions import place_contacts
 from flexarm.arm.arm import Arm, described_arm
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, SimulationError, public_call
@@ -120,8 +121,12 @@ def start_of(
     if not asked.equilibrium:
         chosen = asked.joint_angle is not None or prescribed
         if followed.initial is not None and not chosen:
-            return Start(followed.initial, prescribed)
-        return Start(arm.rest(angles), prescribed)
+            q = followed.initial.copy()
+            if asked.base_position is not None:
+                places = [coordinate.index for coordinate in arm.assembly.base]
+                q[places] = arm.rest(angles, asked.base_position)[places]
+            return Start(q, prescribed)
+        return Start(arm.rest(angles, asked.base_position), prescribed)
     loads = [_load_at_start(load) for load in scenario.loads]
     base, contacts = scenario.base_acceleration, scenario.contacts
     if isinstance(base, AccelerationTable):
@@ -199,7 +204,7 @@ class Prepared:
     def implausible(self) -> list[str]:
         """Return a sentence for each implausible number of the run."""
         options = self.options
-        angles = self.arm.joint_angles(options["initial"])
+        angles = self.arm.joint_angles(options["initial"])[turning_joints(self.arm)]
         others = (options.get(name) for name in ("controller", "reference", "hardware"))
         return implausible_run(self.arm, options["duration"], options["rate"], angles, *others)
 
@@ -350,8 +355,10 @@ def prepare(
     with problems_at(place, "initial"):
         start = start_of(arm, scenario, motion, followed)
     options["initial"] = start.q
-    if scenario.initial.joint_rate is not None:
-        options["initial_rate"] = arm.rest(scenario.initial.joint_rate)
+    rate, velocity = scenario.initial.joint_rate, scenario.initial.base_velocity
+    if rate is not None or velocity is not None:
+        rate = np.zeros(arm.joints) if rate is None else rate
+        options["initial_rate"] = arm.rest(rate, velocity)
     if start.prescribed:
         options["prescribed"] = start.prescribed
     with problems_at(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from inspect import Parameter, Signature, cleandoc, signature
-from typing import Any, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -14,6 +14,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_kind, check_positive
 from flexarm.base.errors import InputError, Problem, problems_of, public_call, unknown_arguments
 from flexarm.control.contract.base import Controller, check_controller, joint_problems
+from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.checks import TypeText, args_text, faults_of, type_text
 from flexarm.model.drives.base import Declared, Parameters, parameters_of, record_of
 from flexarm.model.quantities import ListPerJoint
@@ -67,6 +68,9 @@ class Parametrised(Parameters):
         for name, item in _shared(kind).items():
             found[name] = _kept(item, checked.get(name, found[name]), joints)
         vars(self).update(found)
+        if isinstance(arm, Arm):
+            what = f"the model of {kind.__name__}"
+            serial_only(arm.spec, what, getattr(self, "_unsupported", UNDRIVEN))
         self.__post_init__()
 
     def __post_init__(self) -> None:
@@ -187,4 +191,6 @@ class _Documented:
 class OfArm(Parametrised):
     """Base of classes whose first parameter is the arm that they have as their model."""
 
+    #: Features of an arm that the class does not support; None: all that serial arms do not have.
+    _unsupported: ClassVar[tuple[str, ...] | None] = UNDRIVEN
     arm: Arm = Field(description="Model of the arm.")

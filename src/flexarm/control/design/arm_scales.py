@@ -82,7 +82,7 @@ def design_requirements(
             integrated but not measured.
     """
     measured, disturbance, integral = given.measured, given.disturbance, given.integral
-    reach = float(np.sum(arm.lengths))
+    reach = arm.reach
     if acceptable is None:
         acceptable = {"joint_angle": _ANGLE, "tip": TIP * reach, "joint_rate": _RATE * rate}
     torque = given.acceptable_torque
@@ -171,7 +171,7 @@ def arm_scales(arm: Arm, rate: float) -> ArmScales:
 
     The force at the reach accelerates the rigid arm by a quarter of the square of the frequency.
     """
-    length = float(np.sum(arm.lengths))
+    length = arm.reach
     torques = typical_torque(arm, None, rate)
     if not torques.size:  # no joint is free
         c = arm.assembly.constants

@@ -20,6 +20,7 @@ from flexarm.kernels.controller_terms.task_dynamics import task_dynamics, tip_to
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
+from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.wording import nearest
 from flexarm.motion.geometry.inverse_kinematics import rigid_chain, tip_jacobian, tip_jacobian_rate
 
@@ -36,6 +37,7 @@ class RigidModel:
     """
 
     def __init__(self, arm: Arm) -> None:
+        serial_only(arm.spec, "the rigid model of a controller", UNDRIVEN)
         self.arm = arm.rigid()
         self.joints = arm.joints
         self._kernels = kernels = KernelView(self.arm.assembly.constants)
@@ -156,6 +158,7 @@ class RigidParameters:
     def __init__(
         self, arm: Arm, names: Sequence[str] = (), smoothing_rate: FloatArray | None = None
     ) -> None:
+        serial_only(arm.spec, "a controller with parameters of the rigid model")
         self.names, self.joints = tuple(names), arm.joints
         rigid = arm.rigid()
         exact = rigid.assembly.constants
@@ -344,6 +347,7 @@ class TaskSpace:
     _tip_torque = staticmethod(tip_torque)
 
     def __init__(self, arm: Arm) -> None:
+        serial_only(arm.spec, "a controller of the tip")
         assembly = arm.rigid().assembly
         self._kernels = kernels = KernelView(assembly.constants)
         moved = KernelView(assembly.constants, complex)

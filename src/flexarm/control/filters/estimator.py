@@ -193,6 +193,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
     samples are computed again.
     """
 
+    _unsupported = None
     #: Attributes that change with the estimate.
     _changing: ClassVar[tuple[str, ...]] = ()
     instruments: Sequence[Instrument] = Field(

@@ -492,7 +492,7 @@ class Composite(CompositeParameters, LQG):
         """See `LQG`."""
         if self.bandwidth is None:
             self.bandwidth = np.full(self.arm.joints, _BANDWIDTH * rate)
-        bend = TIP * float(np.sum(self.arm.lengths))
+        bend = TIP * self.arm.reach
         usual = {"link_tip_deflection": bend, "link_tip_deflection_rate": _SPEED * bend * rate}
         self.acceptable = check_names("acceptable", self.acceptable or usual, BENDING, self.arm)
 

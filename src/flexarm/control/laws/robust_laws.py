@@ -66,6 +66,8 @@ _STILL = 1e-9
 class RobustFollower(JointFollower, RobustParameters, OfArm):
     """Base of controllers that are designed for a sample time, with joint readings alone."""
 
+    _unsupported = None
+
     _: KW_ONLY
     feedforward: Callable[[float], ArrayLike] | None = Field(default=None)
 

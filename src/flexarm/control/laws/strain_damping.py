@@ -111,6 +111,8 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
             ``modes``, grows around joints that follow exactly.
     """
 
+    _unsupported = None
+
     inner: Controller
     exports_plan = True
 

@@ -62,6 +62,8 @@ class TaskSample(NamedTuple):
 class TaskController(OfArm, Controller):
     """Base of controllers of the tip of a rigid model in contact with a surface."""
 
+    _unsupported = None
+
     exports_plan = True
 
     _shares: ClassVar[dict[str, float]]

@@ -8,7 +8,8 @@ import numpy as np
 
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.closures import close_step
-from flexarm.integrate.memory import BETWEEN, EVALUATIONS, STEP, Memory
+from flexarm.integrate.memory import BETWEEN, EVALUATIONS, KEPT, STEP, Memory
+from flexarm.integrate.momentum import is_alone, keep_momentum
 from flexarm.integrate.nearness import step_on
 from flexarm.integrate.samples import begin_call, dense_weights, sample_before
 from flexarm.integrate.status import DONE, PAUSED
@@ -60,6 +61,9 @@ def advance_explicit(
     if t >= until:
         return DONE
     begin_steps(system, memory, stages, t, adaptive)
+    alone = is_alone(system)
+    if alone and clock[KEPT] == 0.0:
+        keep_momentum(system, memory, state)
     for _ in range(max_steps):
         h = clock[STEP]
         if adaptive:
@@ -87,6 +91,9 @@ def advance_explicit(
         if len(sizes.closures) > 0:
             close_step(system, system.constants, memory)
         known = last > s and len(sizes.closures) == 0
+        if alone:
+            keep_momentum(system, memory, new)
+            known = False
         status = judge_end(system, tolerance, memory, stages, s, t, t_new, h, adaptive, known)
         if status == PAUSED:
             continue
@@ -106,6 +113,8 @@ def advance_explicit(
             extra = rows
             dense_weights(record.dense, (memory.sample_times[sample] - t) / h, record.weights)
             combine(sizes, state, stages, record.weights, zero, rows, h, out)
+            if alone:
+                keep_momentum(system, memory, out)
             sample = sample_before(memory, t_new)
         next_step(system, memory, stages, s, t_new, h, lands, adaptive, record.order, until)
         t = t_new

@@ -18,7 +18,8 @@ import numpy as np
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.closures import close_step
 from flexarm.integrate.implicit.bristles import bend_bristles, hold_bristles
-from flexarm.integrate.memory import BETWEEN, EVALUATIONS, SOFTENED, STEP, Memory
+from flexarm.integrate.memory import BETWEEN, EVALUATIONS, KEPT, SAMPLES, SOFTENED, STEP, Memory
+from flexarm.integrate.momentum import is_alone, keep_momentum
 from flexarm.integrate.nearness import step_on
 from flexarm.integrate.samples import begin_call, samples_between
 from flexarm.integrate.status import DONE, PAUSED
@@ -174,6 +175,9 @@ def advance_additive(
     if t >= until:
         return DONE
     begin_steps(system, memory, stages, t, controlled)
+    alone = is_alone(system)
+    if alone and clock[KEPT] == 0.0:
+        keep_momentum(system, memory, memory.state)
     for _ in range(max_steps):
         t_new, h, lands = step_landing(system.drive.stops, t, clock[STEP], until)
         additive_step(system, record, memory, t, h)
@@ -185,13 +189,19 @@ def advance_additive(
             return status
         if len(sizes.closures) > 0:
             close_step(system, record.softened, memory)
+        if alone:
+            keep_momentum(system, memory, memory.new)
         status = judge_end(system, tolerance, memory, stages, s, t, t_new, h, controlled, known)
         if status == PAUSED:
             continue
         if status != DONE:
             return status
         step_on(system.drive.loads.contacts)
+        first = int(counts[SAMPLES])
         samples_between(system, tolerance, memory, stages, t, h, t_new)
+        if alone:
+            for sample in range(first, int(counts[SAMPLES])):
+                keep_momentum(system, memory, memory.samples[sample])
         next_step(system, memory, stages, s, t_new, h, lands, controlled, record.order, until)
         t = t_new
         if t >= until:

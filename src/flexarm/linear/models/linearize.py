@@ -36,6 +36,13 @@ from flexarm.linear.models.state_space import (
     torque_places,
 )
 from flexarm.linear.statics.axial import warn_of_theory
+from flexarm.linear.statics.closed import (
+    gap_rates_by_q,
+    independent_motions,
+    least_forces,
+    refuse_moving_apart,
+    refuse_open,
+)
 from flexarm.linear.statics.equilibrium import Equilibrium, equilibrium, tangent
 from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles, warn_of_sticking
 from flexarm.model import Contact, Load
@@ -76,7 +83,8 @@ def linearize(
 
     Raises:
         InputError: if a signal is unknown, a shape is wrong, torque, loads or contacts are given
-            with an equilibrium, or ``base_acceleration`` is given without ``q``.
+            with an equilibrium, ``base_acceleration`` is given without ``q``, or the state does not
+            close the loops of a mechanism.
         EquilibriumError: if ``q`` is None and no equilibrium is found.
 
     Warns:
@@ -84,6 +92,9 @@ def linearize(
             theory of the arm.
         AccuracyWarning: friction has bristles, which a linear model does not contain.
         FlexarmWarning: friction holds a joint that is at rest.
+
+    The states of a mechanism with closures are independent coordinates and their rates: modes, and
+    the joints that are left. ``LinearModel.states`` names them.
     """
     given = tip_force, loads, base_acceleration, contacts
     environment = Environment.of(arm, *given)
@@ -101,6 +112,9 @@ def linearize(
     warn_of_sticking(arm, point.qd, "The linear model")
     if torque is None and not isinstance(q, Equilibrium) and q is not None:
         holding = arm.inverse_dynamics(point.q, point.qd, np.zeros(arm.dof), *given)
+        if arm.closure_rows:
+            closing = least_forces(arm, point.q, holding, np.arange(arm.dof))
+            holding = holding - arm.closure_jacobian(point.q).T @ closing
         point.torque[:] = holding[arm.joint_index]
     return _Perturbed(arm, point, driven, observed).model()
 
@@ -127,6 +141,8 @@ def _operating_point(
         rule = "cannot be combined with an equilibrium, which contains its own"
         raise InputError(Problem("torque, loads and contacts", rule))
     rates = np.zeros(arm.dof) if qd is None else check_array("qd", qd, (arm.dof,))
+    refuse_open(arm, "q", q.q if isinstance(q, Equilibrium) else check_array("q", q, (arm.dof,)))
+    refuse_moving_apart(arm, "qd", q.q if isinstance(q, Equilibrium) else np.asarray(q), rates)
     if isinstance(q, Equilibrium):
         own = replace(q.environment, base_acceleration=environment.base_acceleration)
         return _Point(q.q, rates, q.torque.copy(), own)
@@ -140,23 +156,39 @@ def _operating_point(
 class _Perturbed:
     """States, torques and loads, each row with an imaginary step in one entry.
 
-    Row 0 is the operating point; rows 1 to 2 dof perturb a state, the other rows an input.
+    Row 0 is the operating point; ``size`` rows perturb a state, the other rows an input. The states
+    are the independent coordinates of motions that keep the loops closed, and their rates.
     """
 
     def __init__(self, arm: Arm, point: _Point, inputs: list[Input], outputs: list[Output]) -> None:
         self.arm, self.point = arm, point
         self.inputs, self.outputs = inputs, outputs
         self.kernels = KernelView(arm.assembly.constants, complex)
-        size = 2 * arm.dof
+        self.motions = independent_motions(arm, point.q, np.arange(arm.dof))
+        self.size = size = 2 * self.motions.independent.size
         self.rows = 1 + size + len(inputs)
         moved = np.tile(np.concatenate([point.q, point.qd]).astype(complex), (self.rows, 1))
-        moved[np.arange(1, 1 + size), np.arange(size)] += STEP * 1j
+        moved[1 : 1 + size] += STEP * 1j * self._directions()
         self.states = arm.padded(moved.reshape(self.rows, 2, arm.dof))
         torque = np.tile(point.torque.astype(complex), (self.rows, 1))
         torque[1 + size :] += STEP * 1j * torque_places(inputs, arm.joints).T
         self.torque = torque
         self.placed, self.values, self.bases = self._loads()
         self.accelerations = self._respond()
+
+    def _directions(self) -> FloatArray:
+        """Return the change (size, 2 dof) of q and qd by each state.
+
+        Rates that keep the loops closed depend on the posture, too.
+        """
+        motions, dof = self.motions, self.arm.dof
+        Z = motions.displacements(np.eye(motions.independent.size))
+        directions = np.zeros((2, Z.shape[1], 2 * dof))
+        directions[0, :, :dof] = directions[1, :, dof:] = Z.T
+        if motions.basis is not None:
+            by_q = gap_rates_by_q(self.arm, self.point.q, self.point.qd)[1]
+            directions[0, :, dof + motions.dependent] = -motions.solver @ by_q @ Z
+        return directions.reshape(self.size, 2 * dof)
 
     def _loads(self) -> tuple[Loads, ComplexArray, ComplexArray]:
         """Return all loads, their values (rows, k, 3) and the base accelerations (rows, 2)."""
@@ -174,7 +206,7 @@ class _Perturbed:
             if owner is not None:
                 values[:, part] = 0.0  # inputs are zero at the operating point
         push = -1
-        for row, item in enumerate(self.inputs, start=1 + 2 * self.arm.dof):
+        for row, item in enumerate(self.inputs, start=1 + self.size):
             if item.axis is not None:
                 bases[row, item.axis] += STEP * 1j
             if item.load is not None:
@@ -242,20 +274,28 @@ class _Perturbed:
 
     def model(self) -> LinearModel:
         """Assemble the matrices of the linear model."""
-        arm, point, size = self.arm, self.point, 2 * self.arm.dof
+        arm, point, size = self.arm, self.point, self.size
         qdd = arm.unpadded(self.accelerations)
-        by_all = qdd[1:].imag.T / STEP
+        chosen, half = self.motions.independent, size // 2
+        by_all = qdd[1:, chosen].imag.T / STEP
         A, B = np.zeros((size, size)), np.zeros((size, len(self.inputs)))
-        A[: arm.dof, arm.dof :] = np.eye(arm.dof)
-        A[arm.dof :], B[arm.dof :] = by_all[:, :size], by_all[:, size:]
+        A[:half, half:] = np.eye(half)
+        A[half:], B[half:] = by_all[:, :size], by_all[:, size:]
         seen = self._outputs()
         slopes = seen[1:].imag.T / STEP
         names, units = state_names(arm)
+        states = np.concatenate([chosen, arm.dof + chosen])
+        names, units = [names[k] for k in states], [units[k] for k in states]
         outputs = [name for item in self.outputs for name in item.names]
         units_of = dict(zip(names, units, strict=True))
         units_of |= {item.name: item.unit for item in self.inputs}
         units_of |= {name: item.unit for item in self.outputs for name in item.names}
-        small = tangent(arm, point.q, point.qd, qdd[0].real, point.environment)
+        mass = self.motions.matrix(arm.mass_matrix(point.q))
+        damping, stiffness = -mass @ A[half:, half:], -mass @ A[half:, :half]
+        if self.motions.basis is None:
+            # Exact to the rounding of each entry; the products above, to that of the largest.
+            small = tangent(arm, point.q, point.qd, qdd[0].real, point.environment)
+            damping, stiffness = small.damping, small.stiffness
         return LinearModel(
             A=A,
             B=B,
@@ -265,12 +305,12 @@ class _Perturbed:
             inputs=tuple(item.name for item in self.inputs),
             outputs=tuple(outputs),
             units=units_of,
-            mass=small.mass,
-            damping=small.damping,
-            stiffness=small.stiffness,
+            mass=mass,
+            damping=damping,
+            stiffness=stiffness,
             q=point.q,
             qd=point.qd,
             torque=point.torque,
-            drift=np.concatenate([point.qd, qdd[0].real]),
+            drift=np.concatenate([point.qd[chosen], qdd[0, chosen].real]),
             output=seen[0].real,
         )

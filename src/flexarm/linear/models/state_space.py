@@ -257,6 +257,9 @@ class LinearModel:
         drift: (2 dof,) rate of the state at the operating point, zero at an equilibrium; otherwise
             a constant term of x' that the model omits.
         output: (outputs,) values of the outputs at the operating point.
+
+    For a mechanism with closures, read dof as the number of independent coordinates everywhere but
+    in ``q`` and ``qd``; ``states`` names them.
     """
 
     A: FloatArray

@@ -19,11 +19,13 @@ import numpy as np
 from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, Piece
+from flexarm.arm.assembly.coordinates import carriers_of
 from flexarm.arm.bending import bending_warning, warn_of_first
 from flexarm.arm.observe import contact_forces, poses_of
 from flexarm.kernels.columns import FIRST_MOMENT_X, LENGTH, MASS, TIP_MASS
 from flexarm.kernels.forces.contact import LEVER
 from flexarm.kernels.layout import Loads
+from flexarm.linear.statics.closed import stiffness_of
 from flexarm.model import Contact, Load
 
 #: Share of a link that is reported: frequencies of the linear theory err by 13 % to 22 %.
@@ -35,27 +37,33 @@ _SAMPLES = 8
 #: Stride of the samples at which contacts are examined first.
 _STRIDE = 8
 _PAGE = "see docs/how-to/large-deflection.md."
+_NO_FORCES: FloatArray = np.zeros(0)
 
 
 #: Arms with the second-order theory, which have the same coordinates.
 _second_orders: WeakKeyDictionary[Arm, Arm] = WeakKeyDictionary()
 
 
-def geometric_stiffness(arm: Arm, q: FloatArray, environment: Environment) -> FloatArray:
+def geometric_stiffness(
+    arm: Arm, q: FloatArray, environment: Environment, closure_forces: FloatArray = _NO_FORCES
+) -> FloatArray:
     """Return the stiffness (dof, dof) by axial forces at q (dof,) that the linear theory neglects.
 
     It is zero for an arm of the second-order theory, which contains it, and for axial forces below
-    a hundredth of the buckling loads. Forces of contacts act as constant loads.
+    a hundredth of the buckling loads. Forces of contacts act as constant loads, and those of
+    closures, (rows,), as their wrenches.
     """
-    if arm.spec.theory != "linear" or _estimate(arm).surely_small(
+    small = not closure_forces.size and _estimate(arm).surely_small(
         np.zeros(1), *_at_rest(arm, q, environment), _NEGLIGIBLE
-    ):
+    )
+    if arm.spec.theory != "linear" or small:
         return np.zeros((arm.dof, arm.dof))
     loads = [*environment.loads, *_contact_loads(arm, q, environment.contacts)]
     second = _second_orders.get(arm)
     if second is None:
         second = _second_orders[arm] = Arm(arm.spec.replace(theory="second_order"))
-    return second.stiffness_matrix(q, loads=loads) - arm.stiffness_matrix(q, loads=loads)
+    stiff, plain = (stiffness_of(a, q, closure_forces, loads) for a in (second, arm))
+    return stiff - plain
 
 
 def _contact_loads(arm: Arm, q: FloatArray, contacts: Sequence[Contact]) -> list[Load]:
@@ -89,8 +97,14 @@ class AxialLoads:
         self._mass = body[:, MASS] + self._tip[0]
         self._moment = body[:, FIRST_MOMENT_X] + self._tip[1]
         self._gravity = np.asarray(arm.spec.gravity, dtype=float)
+        self._carriers = carriers_of(arm)
+        inner = np.array(self._carriers)
+        self._inner, self._outer = inner[inner >= 0], np.flatnonzero(inner >= 0)
         self._slopes = np.zeros_like(constants.dP)
-        self._slopes[1:] = constants.dP[:-1]  # the slope of a tip turns the next body
+        # The slope of a tip turns the bodies that it carries.
+        self._slopes[self._outer] = constants.dP[self._inner]
+        # A bound of the accelerations of bodies that slide would need those of their joints.
+        self._sliding = np.flatnonzero(constants.slides)
         self._still, self._moving = self._bounds(body[:, LENGTH])
 
     def _bounds(self, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -99,14 +113,23 @@ class AxialLoads:
         The motion of a body is its squared rate plus the size of its angular acceleration.
         """
         n = lengths.size
-        roots = np.tril(np.tile(lengths, (n, 1)), -1)  # accelerations of the roots
+        places = np.hypot(*np.asarray(self._arm.assembly.constants.place, dtype=float).T)
+        roots = np.zeros((n, n))  # accelerations of the roots
+        beyond: list[list[int]] = [[] for _ in range(n)]  # the bodies that each one carries
+        for i, carrier in enumerate(self._carriers):
+            if carrier >= 0:
+                roots[i] = roots[carrier]
+                roots[i, carrier] += lengths[carrier] + places[i]
+        for i in reversed(range(n)):
+            if (carrier := self._carriers[i]) >= 0:
+                beyond[carrier] = [i, *beyond[i], *beyond[carrier]]
         pulls = self._mass[:, None] * roots + np.diag(np.abs(self._moment))
         still, moving = np.zeros(len(self._pieces)), np.zeros((len(self._pieces), n))
         for k, piece in enumerate(self._pieces):
             b, (tip, uniform, spinning) = piece.body, self._gains[k]
-            still[k] = uniform + tip * (self._tip[0][b] + self._mass[b + 1 :].sum())
+            still[k] = uniform + tip * (self._tip[0][b] + self._mass[beyond[b]].sum())
             moving[k] = (uniform + tip * self._tip[0][b]) * roots[b]
-            moving[k] += tip * pulls[b + 1 :].sum(axis=0)
+            moving[k] += tip * pulls[beyond[b]].sum(axis=0)
             moving[k, b] += spinning + uniform * piece.offset + tip * self._tip[1][b]
         return still, moving
 
@@ -116,10 +139,14 @@ class AxialLoads:
         """Return whether a bound, much faster than the estimate, excludes shares above a limit."""
         if not self._pieces:
             return True
+        if self._sliding.size:
+            return False
         inboard = np.zeros_like(states[:, 1, :, 1:])
-        inboard[:, 1:] = states[:, 1, :-1, 1:]
+        inboard[:, self._outer] = states[:, 1, self._inner, 1:]
         rates = states[:, 1, :, 0] + np.einsum("tij,ij->ti", inboard, self._slopes)
-        rates = np.cumsum(rates, axis=1)
+        for i, carrier in enumerate(self._carriers):
+            if carrier >= 0:
+                rates[:, i] += rates[:, carrier]
         motion = rates**2 + np.abs(self._turning(times, rates))
         field = float(np.hypot(*self._gravity) + np.hypot(*acting.base.T).max())
         force = acting.largest()
@@ -137,24 +164,31 @@ class AxialLoads:
         along = np.stack([np.cos(angle), np.sin(angle)], axis=-1)  # (samples, bodies, 2)
         # Accelerations less gravity, of the roots, then of the centres of mass times the mass.
         root = np.zeros((len(times), n, 2)) + (acting.base - self._gravity)[:, None]
-        for b in range(1, n):
-            link = place[:, b] - place[:, b - 1]
-            spun = turning[:, b - 1, None] * _turned(link) - rate[:, b - 1, None] ** 2 * link
-            root[:, b] = root[:, b - 1] + spun
+        for b, a in enumerate(self._carriers):
+            if a >= 0:
+                link = place[:, b] - place[:, a]
+                spun = turning[:, a, None] * _turned(link) - rate[:, a, None] ** 2 * link
+                root[:, b] = root[:, a] + spun
+            if b in self._sliding:
+                root[:, b] += self._slid(times, b, states, angle, rate[:, b, None])
         spun = turning[..., None] * _turned(along) - rate[..., None] ** 2 * along
         forces = acting.forces(self._arm, states, along)
         needed = self._mass[:, None] * root + self._moment[:, None] * spun
         for body, _, force in forces:
             needed[:, body] -= force
-        outboard = np.cumsum(needed[:, ::-1], axis=1)[:, ::-1]  # force on each root
+        outboard = needed  # force on each root
+        carried = np.zeros_like(needed)  # forces on the roots of the bodies on each tip
+        for b in reversed(range(n)):
+            outboard[:, b] += carried[:, b]
+            if (a := self._carriers[b]) >= 0:
+                carried[:, a] += outboard[:, b]
         found = np.zeros((len(times), len(self._pieces)))
         for k, piece in enumerate(self._pieces):
             b, (tip, uniform, spinning) = piece.body, self._gains[k]
             t, spin = along[:, b], rate[:, b] ** 2
             field = -(root[:, b] * t).sum(axis=1)
             pull = self._tip[0][b] * field + self._tip[1][b] * spin
-            if b + 1 < n:
-                pull = pull - (outboard[:, b + 1] * t).sum(axis=1)
+            pull = pull - (carried[:, b] * t).sum(axis=1)
             for body, x, force in forces:
                 if body == b:
                     ratio = min(max((x - piece.offset) / piece.shapes.length, 0.0), 1.0)
@@ -163,6 +197,17 @@ class AxialLoads:
                     pull = pull + part * (force * t).sum(axis=1)
             found[:, k] = tip * pull + uniform * (field + piece.offset * spin) + spinning * spin
         return self._averaged(times, found)
+
+    def _slid(
+        self, times: FloatArray, b: int, states: FloatArray, angle: FloatArray, rate: FloatArray
+    ) -> FloatArray:
+        """Return the acceleration (samples, 2) of a body by its joint that slides."""
+        speed = states[:, 1, b, 0]
+        x, y = self._arm.assembly.constants.slide[b]
+        cosine, sine = np.cos(angle[:, b]), np.sin(angle[:, b])
+        axis = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=1)
+        slowing = self._turning(times, speed[:, None])
+        return np.asarray(slowing * axis + 2.0 * rate * speed[:, None] * _turned(axis))
 
     def _turning(self, times: FloatArray, rate: FloatArray) -> FloatArray:
         """Return accelerations (samples, bodies), averages of rates over the longest period."""

@@ -6,7 +6,7 @@ Matrices of small deviations: theory page "small motion", (S.2).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.actions import EMPTY, Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.arm.assembly.coordinates import coordinate_sizes, modal_size
+from flexarm.arm.assembly.coordinates import coordinate_sizes, modal_size, turning_joints
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import (
@@ -30,7 +30,15 @@ from flexarm.base.errors import (
 from flexarm.base.notebook import html_table
 from flexarm.kernels.derivatives.tangent import inverse_jacobian
 from flexarm.linear.statics.axial import geometric_stiffness, warn_of_theory
+from flexarm.linear.statics.closed import (
+    Motions,
+    held_joints,
+    independent_motions,
+    refuse_open,
+    stiffness_of,
+)
 from flexarm.model import Contact, Load
+from flexarm.model.arm.spec import serial_only
 
 
 class Tangent(NamedTuple):
@@ -42,13 +50,21 @@ class Tangent(NamedTuple):
 
 
 def tangent(
-    arm: Arm, q: FloatArray, qd: FloatArray, qdd: FloatArray, environment: Environment = EMPTY
+    arm: Arm,
+    q: FloatArray,
+    qd: FloatArray,
+    qdd: FloatArray,
+    environment: Environment = EMPTY,
+    closure_forces: FloatArray | None = None,
 ) -> Tangent:
     """Linearise the inverse dynamics about a motion q, qd, qdd, each (dof,); exact to rounding.
 
     If qd is not zero, ``damping`` includes gyroscopic terms and ``stiffness`` centrifugal terms.
+    With ``closure_forces`` (rows,), ``stiffness`` includes the curvature of the closures.
     """
     kernels = KernelView(arm.assembly.constants, complex)
+    if closure_forces is not None:
+        kernels.set_closure_forces(closure_forces)
     n, width = kernels.shape
     jacobian = np.zeros((n, width, 2, n, width))
     kernels.call(
@@ -72,6 +88,7 @@ def steady_rates(arm: Arm, spin: float) -> FloatArray:
     rates = np.zeros(arm.dof)
     if spin == 0.0:
         return rates
+    serial_only(arm.spec, "a spin")
     if any(arm.spec.gravity):
         raise InputError(Problem("spin", "be zero for an arm with gravity", shown(spin)))
     if arm.joints == 0 or arm.joint_numbers[0] != 1:
@@ -105,6 +122,8 @@ def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
 
 #: Residual forces below this fraction of the largest force count as zero.
 _RESIDUAL = 1e-11
+#: Force on a base that moves freely, over the loads, that rounding errors explain.
+_UNBALANCED = 1e-9
 _NEWTON_STEPS = 30
 _DESCENT_STEPS = 300
 _SMALLEST_STEP = 1e-4
@@ -144,6 +163,8 @@ class Equilibrium:
             negative if unstable.
         loads: loads in addition to gravity, including the force at the tip.
         contacts: contacts between the arm and surfaces.
+        closure_forces: (closure_rows,) of the closures on their first points, N and N m, in the
+            order of `Arm.closure_gaps`.
     """
 
     q: FloatArray
@@ -152,6 +173,7 @@ class Equilibrium:
     lowest_eigenvalue: float
     loads: tuple[Load, ...] = ()
     contacts: tuple[Contact, ...] = ()
+    closure_forces: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def environment(self) -> Environment:
@@ -172,6 +194,8 @@ class Equilibrium:
             ("coordinates q", few(self.q)),
         ]
         rows += [(f"torque of joint {k} (N m)", t) for k, t in enumerate(self.torque, 1)]
+        if self.closure_forces.size:
+            rows.append(("forces of closures (N, N m)", few(self.closure_forces)))
         return html_table("flexarm.Equilibrium", ("property", "value"), rows)
 
 
@@ -186,6 +210,7 @@ def equilibrium(
     base_acceleration: ArrayLike | None = None,
     contacts: Sequence[Contact] = (),
     start: ArrayLike | None = None,
+    held: Sequence[int] | None = None,
 ) -> Equilibrium:
     """Compute a static equilibrium of an arm.
 
@@ -200,9 +225,13 @@ def equilibrium(
         contacts: contacts of points of the arm with surfaces, without friction.
         start: q (dof,) from which the search starts under the full load. By default it starts from
             straight links without load.
+        held: numbers of the joints that are locked, at ``joint_angles`` or as in ``start``; by
+            default all of them without ``torque``, and none with it. The others are free.
 
     Raises:
-        InputError: if an argument has the wrong shape or is not finite.
+        InputError: if an argument has the wrong shape or is not finite, ``held`` is not the numbers
+            of joints that can move, the start does not close the loops of a mechanism, or a closure
+            depends on the others while the locked joints do not move.
         EquilibriumError: if no equilibrium was found. The exception has the last equilibrium found
             under a part of the load.
 
@@ -213,7 +242,9 @@ def equilibrium(
     Newton's method with the exact stiffness matrix; gravity and loads grow from zero in adaptive
     steps, so that large deflections are reached. Descent steps then search for a stable equilibrium
     if this one is unstable or was not found; with free joints they come first. Friction is
-    neglected.
+    neglected. Coordinates of a base that no spring holds stay zero, or as in ``start``; if a force
+    would accelerate the base, there is no equilibrium. The loops of a mechanism stay closed in all
+    steps.
     """
     if base_acceleration is not None:
         felt = arm.spec.gravity - check_array("base_acceleration", base_acceleration, (2,))
@@ -221,19 +252,53 @@ def equilibrium(
     if torque is not None and joint_angles is None and start is None:
         joint_angles = np.zeros(arm.joints)
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    q = arm.rest(check_posture("joint_angles", angles, arm.joints))
+    q = arm.rest(check_posture("joint_angles", angles, arm.joints, turning_joints(arm)))
     if start is not None:
         q = check_array("start", start, (arm.dof,))
+    refuse_open(arm, "joint_angles" if start is None else "start", q)
     search = _Search(arm, Environment.of(arm, tip_force, loads, None, contacts))
     if torque is not None:
         search.force[arm.joint_index] = check_array("torque", torque, (arm.joints,))
-        search.unknown = np.arange(arm.dof)
+        search.unknown = np.setdiff1d(np.arange(arm.dof), search.loose)
+    if held is not None:
+        search.hold(held)
+    independent_motions(arm, q, search.unknown)  # raises if closures depend on each other
     if start is not None:
         found = search.result(search.follow(q, at_once=True))
     else:
-        found = search.best(q, free=torque is not None)
+        found = search.best(q, free=bool(np.isin(arm.joint_index, search.unknown).any()))
     warn_of_theory(arm, found.q, found.environment)
     return found
+
+
+def loose_coordinates(arm: Arm, environment: Environment) -> list[int]:
+    """Return the indices in q of coordinates of the base on which no equilibrium depends.
+
+    They have no spring, and no contact, field or load that could hold them.
+    """
+    if environment.contacts:
+        return []
+    turning = bool(np.any(arm.spec.gravity)) or bool(environment.loads)
+    stiffness = arm.assembly.constants.joint_stiffness
+    return [
+        coordinate.index
+        for coordinate in arm.assembly.base
+        if stiffness[coordinate.body] == 0.0 and not (coordinate.name == "angle" and turning)
+    ]
+
+
+def total_mass(arm: Arm) -> float:
+    """Return the mass of an arm with its payload and base, kg."""
+    c = arm.assembly.constants
+    return float(c.mass.sum() + c.tip_mass.sum())
+
+
+class _Balance(NamedTuple):
+    """Forces at a posture: what is missing for rest (k,), and those of closures (rows,)."""
+
+    motions: Motions
+    missing: FloatArray
+    forces: FloatArray
 
 
 class _Search:
@@ -243,13 +308,19 @@ class _Search:
         self.arm, self.loads, self.contacts = arm, environment.loads, environment.contacts
         self.environment = environment
         self.force = np.zeros(arm.dof)
-        self.unknown = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+        self.loose = loose_coordinates(arm, environment)
+        self.unknown = np.setdiff1d(np.arange(arm.dof), [*arm.joint_index, *self.loose])
         factor = next((load.factor for load in self.loads if load.factor is not None), None)
         if factor is not None:
             rule = "be constant in time"
             value = "a function" if callable(factor) else "a table"
             raise InputError(Problem("Load.factor", rule, value))
         environment.placed(arm)  # raises if a load or a contact is not on the arm
+
+    def hold(self, held: Sequence[int]) -> None:
+        """Lock the joints with these numbers, and no others."""
+        everything = np.union1d(self.unknown, self.arm.joint_index)
+        self.unknown = np.setdiff1d(everything, held_joints(self.arm, held))
 
     def _scaled(self, fraction: float) -> tuple[Arm, Sequence[Load]]:
         if fraction == 1.0:
@@ -265,43 +336,48 @@ class _Search:
         return arm.inverse_dynamics(q, rest, rest, loads=loads, contacts=self.contacts)
 
     def newton(self, q: FloatArray, fraction: float) -> FloatArray:
-        """Solve under a fraction of the load, from q; LinAlgError if it does not converge."""
+        """Solve under a fraction of the load, from q; LinAlgError if it does not converge.
+
+        In independent coordinates, with the loops closed after each step.
+        """
         from scipy.linalg import solve
 
         arm, loads = self._scaled(fraction)
-        free = self.unknown
-        if free.size == 0:
+        sizes = coordinate_sizes(arm)
+        balance = self._balance(arm, q, loads, fraction)
+        if balance.missing.size == 0:
             return q
-        q = q.copy()
-        part = np.ix_(free, free)
-        unit = coordinate_sizes(arm)[free]
-
-        def residual(at: FloatArray) -> FloatArray:
-            missing = self._force(arm, at, loads) - fraction * self.force
-            return np.asarray(unit * missing[free])
-
-        missing = residual(q)
-        scale = np.max(np.abs(missing), initial=0.0)
+        scale = np.max(np.abs(balance.missing), initial=0.0)
         for _ in range(_NEWTON_STEPS):
-            K = arm.stiffness_matrix(q, loads=loads, contacts=self.contacts)[part]
+            motions, missing = balance.motions, balance.missing
+            unit = sizes[motions.independent]
+            K = motions.matrix(stiffness_of(arm, q, balance.forces, loads, self.contacts))
             K *= np.outer(unit, unit)
             step = solve(K, -missing)
             # The stiffest modes carry forces far larger than those of the lowest, so convergence
             # is judged by the size of the displacement step.
-            size = np.max(np.abs(step)) / (1e-3 + np.max(np.abs(q[free] / unit)))
+            place = q[motions.independent] / unit
+            size = np.max(np.abs(step)) / (1e-3 + np.max(np.abs(place)))
             shortened = 1.0
             while shortened > 1e-3:
-                trial = q.copy()
-                trial[free] += shortened * unit * step
-                left = residual(trial)
-                if np.max(np.abs(left)) <= max(np.max(np.abs(missing)), _RESIDUAL * scale):
+                trial = motions.closed(arm, q + motions.displacements(shortened * unit * step))
+                balance = self._balance(arm, trial, loads, fraction)
+                left = np.max(np.abs(balance.missing))
+                if left <= max(np.max(np.abs(missing)), _RESIDUAL * scale):
                     break
                 shortened *= 0.5
-            q, missing = trial, left
-            scale = max(scale, float(np.max(np.abs(K @ (q[free] / unit)))))
+            q, missing = trial, balance.missing
+            place = q[motions.independent] / unit
+            scale = max(scale, float(np.max(np.abs(K @ place))))
             if shortened == 1.0 and (size < 1e-12 or np.max(np.abs(missing)) <= _RESIDUAL * scale):
                 return q
         raise np.linalg.LinAlgError("Newton's method does not converge")
+
+    def _balance(self, arm: Arm, q: FloatArray, loads: Sequence[Load], fraction: float) -> _Balance:
+        force = self._force(arm, q, loads) - fraction * self.force
+        motions = independent_motions(arm, q, self.unknown)
+        unit = coordinate_sizes(arm)[motions.independent]
+        return _Balance(motions, unit * motions.forces(force), motions.multipliers(force))
 
     def best(self, q: FloatArray, free: bool) -> Equilibrium:
         """Return a stable equilibrium if the search finds one, else an unstable one.
@@ -329,17 +405,20 @@ class _Search:
 
     def descend(self, q: FloatArray) -> FloatArray:
         """Take descent steps under the full load, then converge by Newton's method."""
-        arm, free, begin = self.arm, self.unknown, q
-        part = np.ix_(free, free)
-        for _ in range(_DESCENT_STEPS if free.size else 0):
+        arm, begin = self.arm, q
+        for _ in range(_DESCENT_STEPS if self.unknown.size else 0):
             try:
                 force = self.force - self._force(arm, q, self.loads)
-                K = arm.stiffness_matrix(q, loads=self.loads, contacts=self.contacts)
-                M = arm.mass_matrix(q)
-                step = np.zeros(arm.dof)
-                step[free], stable = _descent_step(K[part], M[part], force[free], modal_size(arm))
+                motions = independent_motions(arm, q, self.unknown)
+                if not motions.independent.size:
+                    break
+                closing = motions.multipliers(-force)
+                K = motions.matrix(stiffness_of(arm, q, closing, self.loads, self.contacts))
+                M = motions.matrix(arm.mass_matrix(q))
+                step, stable = _descent_step(K, M, motions.forces(force), modal_size(arm))
+                step = motions.displacements(step)
                 turn = _largest_turn(arm, step)
-                q = q + step * min(1.0, _LONGEST / max(turn, 1e-300))
+                q = motions.closed(arm, q + step * min(1.0, _LONGEST / max(turn, 1e-300)))
                 if stable and turn < 0.1 * _LONGEST:
                     near = self.newton(q, 1.0)
                     if _largest_turn(arm, near - q) < _LONGEST:
@@ -367,24 +446,49 @@ class _Search:
 
     def result(self, q: FloatArray) -> Equilibrium:
         """Evaluate stability and collect the torques."""
-        holding = self._force(self.arm, q, self.loads)[self.arm.joint_index]
-        lowest = self._lowest(q, geometric_stiffness(self.arm, q, self.environment))
-        loads, contacts = tuple(self.loads), tuple(self.contacts)
-        return Equilibrium(q, holding, lowest > 0.0, lowest, loads, contacts)
+        arm, force = self.arm, self._force(self.arm, q, self.loads)
+        motions = independent_motions(arm, q, self.unknown)
+        closing = motions.multipliers(force - self.force)
+        if closing.size:
+            force = force - arm.closure_jacobian(q).T @ closing
+        self._refuse_acceleration(q, force)
+        lowest = self._lowest(q, geometric_stiffness(arm, q, self.environment, closing))
+        return Equilibrium(
+            q,
+            force[arm.joint_index],
+            lowest > 0.0,
+            lowest,
+            tuple(self.loads),
+            tuple(self.contacts),
+            closing,
+        )
+
+    def _refuse_acceleration(self, q: FloatArray, force: FloatArray) -> None:
+        """Raise if a force would accelerate a base that nothing holds."""
+        if not self.loose:
+            return
+        weight = float(np.hypot(*self.arm.spec.gravity)) * total_mass(self.arm)
+        size = weight + sum(float(np.hypot(*load.force)) for load in self.loads)
+        for coordinate in self.arm.assembly.base:
+            if coordinate.index in self.loose:
+                scale = size * (self.arm.reach if coordinate.name == "angle" else 1.0)
+                if abs(force[coordinate.index]) > _UNBALANCED * scale:
+                    reason = f"no spring holds {coordinate.name} of the base against the loads."
+                    raise EquilibriumError(0.0, q, reason)
 
     def _lowest(self, q: FloatArray, added: FloatArray | None = None) -> float:
         """Return the lowest eigenvalue of stiffness, and what is ``added`` to it, over mass."""
         from scipy.linalg import eigh
 
-        free = self.unknown
-        if free.size == 0:
+        motions = independent_motions(self.arm, q, self.unknown)
+        if motions.independent.size == 0:
             return float(np.inf)
-        part = np.ix_(free, free)
-        K = self.arm.stiffness_matrix(q, loads=self.loads, contacts=self.contacts)
-        K = (K if added is None else K + added)[part]
+        closing = motions.multipliers(self._force(self.arm, q, self.loads) - self.force)
+        K = stiffness_of(self.arm, q, closing, self.loads, self.contacts)
+        K = motions.matrix(K if added is None else K + added)
         # Only the symmetric part has a potential; with follower loads flutter remains possible.
         try:
-            stored, M = (K + K.T) / 2.0, self.arm.mass_matrix(q)[part]
+            stored, M = (K + K.T) / 2.0, motions.matrix(self.arm.mass_matrix(q))
             return float(eigh(stored, M, eigvals_only=True, subset_by_index=[0, 0])[0])
         except np.linalg.LinAlgError:
             reason = (
@@ -424,10 +528,13 @@ def _descent_step(
 
 
 def _largest_turn(arm: Arm, step: FloatArray) -> float:
-    """Return the largest rotation (rad) of a joint or of an end of a segment in a step (dof,)."""
-    turns = [
-        np.abs(step[[seat.angle, *([seat.twist] if seat.twist else [])]]).max()
-        for seat in arm.assembly.seats
-    ]
+    """Return the largest rotation (rad) of a joint or of an end of a segment in a step (dof,).
+
+    Displacements of joints and bases that slide count in units of the reach.
+    """
+    rigid = np.ones(arm.dof, dtype=bool)
+    for piece in arm.assembly.pieces:
+        rigid[piece.modal] = False
+    turns = np.abs(step / coordinate_sizes(arm))[rigid].tolist()
     turns += [abs(float(p.shapes.dP @ step[p.modal])) for p in arm.assembly.pieces]
     return max(turns, default=0.0)

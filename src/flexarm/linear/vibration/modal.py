@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.actions import Environment, marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import MOST_STATIONS
 from flexarm.base.arguments import as_list, check_count, check_number, check_posture
@@ -29,6 +30,13 @@ from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.observation.shapes import axis_points
 from flexarm.linear.statics.axial import warn_of_theory
+from flexarm.linear.statics.closed import (
+    Motions,
+    independent_motions,
+    least_forces,
+    refuse_open,
+    stiffness_of,
+)
 from flexarm.linear.statics.equilibrium import (
     Equilibrium,
     Tangent,
@@ -172,7 +180,7 @@ class Modes:
             InputError: if ``amplitude`` is not a finite number, or there are fewer than two
                 stations.
         """
-        size = 0.1 * self.arm.lengths.sum()
+        size = 0.1 * self.arm.reach
         if amplitude is not None:
             size = check_number("amplitude", amplitude)
         moved = self.displacements(check_count("stations", stations, 2, MOST_STATIONS))
@@ -209,7 +217,9 @@ def modes(
 
     Raises:
         InputError: if ``joints`` is unknown, numbers have the wrong shape, ``spin`` is combined
-            with gravity or loads, or loads are combined with an equilibrium.
+            with gravity or loads, loads are combined with an equilibrium, the state does not close
+            the loops of a mechanism, or a closure depends on the others while locked joints do not
+            move.
         EquilibriumError: if the arm has no steady shape at that spin.
 
     Warns:
@@ -217,7 +227,9 @@ def modes(
             theory of the arm.
         FlexarmWarning: friction holds a free joint.
 
-    The stiffness is that of small motion about the state, which is treated as an equilibrium.
+    The stiffness is that of small motion about the state, which is treated as an equilibrium. It
+    includes the curvature of closures with the forces of the `Equilibrium`, or else with those that
+    come closest to one without torques of free joints.
     Theory page "small motion", (S.2) to (S.5).
     """
     given = Environment.of(arm, tip_force, loads)
@@ -228,7 +240,15 @@ def modes(
         raise InputError(Problem("loads", "cannot be combined with spin"))
     if spin != 0.0 and q is None:
         place = steady_shape(arm, place, spin)
-    solution = _solve(arm, place, spin, held, _small_motion(arm, place, spin, environment))
+    refuse_open(arm, "joint_angles" if q is None else "q", place)
+    motions = independent_motions(arm, place, held.moving)
+    point = joint_angles if q is None else q
+    if isinstance(point, Equilibrium):
+        closing = point.closure_forces
+    else:
+        closing = _closure_forces(arm, place, held, environment)
+    small = _small_motion(arm, place, spin, environment, closing)
+    solution = _solve(arm, place, spin, held, motions, small)
     warn_of_theory(arm, place, environment, steady_rates(arm, spin))
     warn_of_backlash(arm, place)
     warn_of_bristles(arm, "the model of the modes")
@@ -256,23 +276,41 @@ def _place(
     if given is not None:
         return check_array("q", given, (arm.dof,)), environment
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    return arm.rest(check_posture("joint_angles", angles, arm.joints)), environment
+    return arm.rest(
+        check_posture("joint_angles", angles, arm.joints, turning_joints(arm))
+    ), environment
 
 
-def _small_motion(arm: Arm, q: FloatArray, spin: float, environment: Environment) -> Tangent:
+def _closure_forces(
+    arm: Arm, q: FloatArray, held: JointFeedback, environment: Environment
+) -> FloatArray:
+    """Return the closure forces (rows,) of a state that is treated as an equilibrium."""
+    if not arm.closure_rows:
+        return np.zeros(0)
+    rest = np.zeros(arm.dof)
+    loads, contacts = environment.loads, environment.contacts
+    force = arm.inverse_dynamics(q, rest, rest, loads=loads, contacts=contacts)
+    return least_forces(arm, q, force, held.moving)
+
+
+def _small_motion(
+    arm: Arm, q: FloatArray, spin: float, environment: Environment, closing: FloatArray
+) -> Tangent:
     if spin == 0.0 and not environment.contacts and not arm.assembly.constants.has_joint_laws:
         # At rest the rates have an effect through constant dampers only, and K may be diagonal.
-        K = arm.stiffness_matrix(q, loads=environment.loads)
+        K = stiffness_of(arm, q, closing, environment.loads)
         return Tangent(arm.mass_matrix(q), arm.damping_matrix(), K)
-    return tangent(arm, q, steady_rates(arm, spin), np.zeros(arm.dof), environment)
+    rates = steady_rates(arm, spin)
+    return tangent(arm, q, rates, np.zeros(arm.dof), environment, closing)
 
 
-def _solve(arm: Arm, q: FloatArray, spin: float, held: JointFeedback, small: Tangent) -> Modes:
-    part = np.ix_(held.moving, held.moving)
-    M = small.mass[part]
+def _solve(
+    arm: Arm, q: FloatArray, spin: float, held: JointFeedback, motions: Motions, small: Tangent
+) -> Modes:
+    M = motions.matrix(small.mass)
     _check_mass(M)
-    K = (small.stiffness + np.diag(held.stiffness))[part]
-    D = (small.damping + np.diag(held.damping))[part]
+    K = motions.matrix(small.stiffness + np.diag(held.stiffness))
+    D = motions.matrix(small.damping + np.diag(held.damping))
     squared, vectors = _undamped(M, (K + K.T) / 2.0)
     # Follower loads and centrifugal terms give a skew part; otherwise it is rounding.
     skew = (K - K.T) / 2.0
@@ -285,10 +323,8 @@ def _solve(arm: Arm, q: FloatArray, spin: float, held: JointFeedback, small: Tan
     if spin != 0.0:
         frequency = np.where(found.eigenvalues.imag > 0.0, np.abs(found.eigenvalues), 0.0)
     order = np.argsort(frequency, kind="stable")
-    shapes = np.zeros((held.moving.size, arm.dof))
-    shapes[:, held.moving] = vectors.T
-    turning = np.zeros((held.moving.size, arm.dof), dtype=complex)
-    turning[:, held.moving] = (vectors @ found.vectors).T
+    shapes = motions.displacements(vectors).T.copy()
+    turning = motions.displacements(vectors @ found.vectors).T.astype(complex, order="C")
     ratio = np.where(frequency > 0.0, found.ratio, np.nan)
     return Modes(
         frequency_hz=frequency[order] / (2.0 * np.pi),
@@ -350,6 +386,8 @@ def _along(arm: Arm, q: FloatArray, shapes: FloatArray, placed: Any) -> FloatArr
 
 #: Squared frequencies below this fraction of the shift are rounding errors of rigid-body modes.
 _ZERO = 1e-10
+#: Stiffness over mass below this fraction of the largest is rounding error of a rigid-body mode.
+_NOISE = 1e-16
 #: Modal damping below this fraction of the largest is rounding error.
 _NONE = 1e-13
 
@@ -393,7 +431,7 @@ def _positive_shift(M: FloatArray, K: FloatArray) -> float:
     from scipy.linalg import cholesky
 
     diagonal = np.abs(np.diag(K)) / np.diag(M)
-    positive = diagonal[diagonal > 0.0]
+    positive = diagonal[diagonal > _NOISE * diagonal.max()]
     shift = float(positive.min()) if positive.size else 1.0
     while True:
         try:
@@ -466,14 +504,16 @@ def _matched(values: _ComplexArray, shapes: _ComplexArray) -> tuple[NDArray[np.i
 def lowest_frequency(arm: Arm) -> float:
     """Return the lowest angular frequency (rad/s) of the straight arm with locked joints.
 
-    Without gravity and nonlinear springs. Infinite for a rigid arm.
+    Without gravity and nonlinear springs. Infinite for a rigid arm. Coordinates of the base that no
+    spring holds are locked, too. Closures do not count: they only raise frequencies.
     """
     from scipy.linalg import eigh
 
-    elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+    constants = arm.assembly.constants
+    springless = [c.index for c in arm.assembly.base if constants.joint_stiffness[c.body] == 0.0]
+    elastic = np.setdiff1d(np.arange(arm.dof), [*arm.joint_index, *springless])
     if not elastic.size:
         return np.inf
-    constants = arm.assembly.constants
     springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
     mass = arm.mass_matrix(arm.rest(np.zeros(arm.joints)))[np.ix_(elastic, elastic)]
     square = eigh(np.diag(arm.unpadded(springs)[elastic]), mass, eigvals_only=True)

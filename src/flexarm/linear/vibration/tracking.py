@@ -17,6 +17,7 @@ from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, check_array, few, public_call, shown
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import Joints, Modes, modes
+from flexarm.model.arm.spec import serial_only
 from flexarm.model.quantities import Count, Flag
 from flexarm.motion import Motion
 
@@ -133,6 +134,7 @@ def campbell(
         EquilibriumError: if the arm has no steady shape at some spin.
     """
     rates = check_array("spin", spin, (-1,))
+    serial_only(arm.spec, "a spin")
 
     def solve(at: float) -> Modes:
         return modes(arm, joint_angles, joints, spin=at)

@@ -377,10 +377,11 @@ class Link(Record):
     length: Positive
     """Length (m), from the root to the tip."""
     parent: CountOrZero | None = None
-    """Number of the link that carries the joint of this one, 0 for the base; by default the link
-    before."""
+    """Number of the link that carries the joint of this one, counted from 1, or 0 for the base; by
+    default the link before."""
     parent_station: NonNegative | None = None
-    """Distance from the root of the parent at which the joint sits (m); by default at its tip."""
+    """Distance from the root of the parent to the joint (m); by default at its tip. A flexible
+    parent is divided there."""
     hub_radius: NonNegative = 0.0
     """Distance from the joint to the root of the link (m), along the root tangent; rigid and
     without mass."""

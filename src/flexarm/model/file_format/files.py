@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 
@@ -41,8 +41,10 @@ def content_of(value: Any) -> Any:
             if name in value.model_fields_set
             and (part != fields[name].default or name in value._written)
         }
-        kind = {"kind": value.kind} if "kind" in fields else {}  # type: ignore[attr-defined]
-        return {**kind, **reported}
+        # A kind with one value selects the class of a union, so a file must contain it.
+        kind = getattr(value, "kind", None)
+        unions = "kind" in fields and get_args(fields["kind"].annotation) == (kind,)
+        return {"kind": kind, **reported} if unions else reported
     if isinstance(value, dict):
         return {name: content_of(part) for name, part in value.items()}
     return [content_of(part) for part in value] if isinstance(value, tuple) else value

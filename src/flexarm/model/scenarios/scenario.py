@@ -232,6 +232,11 @@ class InitialState(Record):
     """Relative joint angles (rad)."""
     joint_rate: Listed[Number] | None = None
     """Relative joint rates (rad/s); zero by default."""
+    base_position: tuple[Number, Number, Number] | None = None
+    """Position x, y and angle of a base that moves (m; m; rad), zero for those that are not free;
+    zero by default."""
+    base_velocity: tuple[Number, Number, Number] | None = None
+    """Rates of x, y and angle of a base that moves (m/s; m/s; rad/s); zero by default."""
     equilibrium: Flag = False
     """Whether the run starts in the equilibrium with locked joints; otherwise the links start
     straight, or bent as at the start of a flexible reference."""
@@ -242,10 +247,20 @@ class InitialState(Record):
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if not given.has("equilibrium"):
             return
-        if given.equilibrium and not given.absent("joint_rate"):
-            yield Fault(("joint_rate",), "cannot be combined with equilibrium")
+        for name in ("joint_rate", "base_position", "base_velocity"):
+            if given.equilibrium and not given.absent(name):
+                yield Fault((name,), "cannot be combined with equilibrium")
         if given.has("balance") and given.balance and not given.equilibrium:
             yield Fault(("equilibrium",), "must be true with balance")
+
+
+def _base_faults(free: Sequence[str], initial: InitialState) -> Iterator[Fault]:
+    """Yield the faults of coordinates of the base that are given but not free to move."""
+    for key in ("base_position", "base_velocity"):
+        for name, value in zip(("x", "y", "angle"), getattr(initial, key) or (), strict=False):
+            if value and name not in free:
+                rule = f"have {name} = 0, because arm.base.free does not contain {name!r}"
+                yield Fault(("initial", key), rule, shown(value))
 
 
 class RunSpec(Record):
@@ -344,6 +359,8 @@ class Scenario(Record):
                 yield from (fault.inside("drive") for fault in winding_faults(given.arm))
             if given.has("changes"):
                 yield from motor_change_faults(given.changes)
+        if given.has("arm", "initial"):
+            yield from _base_faults(given.arm.base.free, given.initial)
         if given.has("initial", "drive") and given.initial.balance and balances(given.drive):
             rule = "cannot be combined with a drive that compensates gravity"
             yield Fault(("initial", "balance"), rule)

@@ -9,7 +9,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, ValidationError
 
 from flexarm.base.errors import InputError, shown
-from flexarm.model.arm.spec import ArmSpec, Friction, varied_spec
+from flexarm.model.arm.joints import Friction
+from flexarm.model.arm.spec import ArmSpec, varied_spec
 from flexarm.model.checks import Given, Record, faults_of
 from flexarm.model.drives import CONTROLLED, Drive, in_volts
 from flexarm.model.environment import (

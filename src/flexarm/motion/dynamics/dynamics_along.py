@@ -13,6 +13,7 @@ from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.arguments import check_times
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.kernels.derivatives.inverse_sensitivity import inverse_jacobian_many
+from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.motion.geometry.inverse_kinematics import check_arm, tip_jacobian
 from flexarm.motion.motion import Floats, Motion, check_motion
 
@@ -127,6 +128,7 @@ def rigid_torque(arm: Arm, motion: Motion) -> RigidTorque:
         InputError: if the numbers of joints differ.
     """
     arm = check_arm(arm)
+    serial_only(arm.spec, "the torque of the rigid model", UNDRIVEN)
     return RigidTorque(arm.rigid(), check_motion(motion, arm))
 
 
@@ -144,6 +146,7 @@ class TipConstraint:
     """
 
     def __init__(self, arm: Arm, motion: Motion) -> None:
+        serial_only(arm.spec, "inverse dynamics of the tip")
         self.arm, self.motion = arm, motion
         self.count = arm.joints
         self._led = self._led_joints() if self.count > 2 else np.zeros(0, dtype=np.intp)

@@ -23,13 +23,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.observe import tips_of
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.model.arm.spec import serial_only
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -46,9 +48,42 @@ class RigidChain:
     offset: FloatArray
     base: FloatArray  # position of the first joint that turns (2,), world axes, m
 
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.lengths)
+
     def tip(self, joint_angles: FloatArray) -> FloatArray:
         """Return the tip position (..., 2) in world axes, m, at joint angles (..., n)."""
         return self.base + tip_position(self.lengths, joint_angles + self.offset)
+
+
+class RigidTree(RigidChain):
+    """Rigid links of an arm that is not a chain of bars: it has a tip, but no bars.
+
+    A base that moves is at the origin.
+    """
+
+    def __init__(self, arm: Arm) -> None:
+        object.__setattr__(self, "_arm", arm.rigid())
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("lengths", "offset", "base"):
+            serial_only(self._arm.spec, "inverse kinematics of the tip")
+        raise AttributeError(name)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return int(self._arm.joints)
+
+    def tip(self, joint_angles: FloatArray) -> FloatArray:
+        """Return the tip position (..., 2) in world axes, m, at joint angles (..., n)."""
+        arm = self._arm
+        q = np.zeros((*joint_angles.shape[:-1], 2, arm.dof))
+        q[..., 0, arm.joint_index] = joint_angles
+        tips = tips_of(arm, arm.padded(q).reshape(-1, 2, *arm.padded(q).shape[-2:]))
+        return tips[:, :2].reshape(*joint_angles.shape[:-1], 2)
 
 
 def check_arm(arm: Arm) -> Arm:
@@ -61,16 +96,21 @@ def check_arm(arm: Arm) -> Arm:
 
 
 def rigid_chain(arm: Arm) -> RigidChain:
-    """Return the rigid chain of an arm; InputError without joints, or if two of them coincide."""
+    """Return the rigid chain of an arm; InputError without joints, or if two of them coincide.
+
+    An arm that is not serial has a tip, and no bars: their attributes raise InputError.
+    """
     if check_arm(arm).joints == 0:
         raise InputError(Problem("arm", "has no joint that is not fixed"))
+    if not arm.spec.is_serial:
+        return RigidTree(arm)
     turning = [seat.link for seat in arm.assembly.seats]
     base, before = _walk(arm, 0, turning[0])
     lengths, offset = [], []
     for first, end in zip(turning, [*turning[1:], arm.links], strict=True):
         bar, turned = _walk(arm, first, end)
         length, direction = float(np.hypot(*bar)), float(np.arctan2(bar[1], bar[0]))
-        if length <= 1e-12 * float(np.sum(arm.lengths)):
+        if length <= 1e-12 * arm.reach:
             rule = f"has two joints at one place: its fixed links return to joint {first + 1}"
             raise InputError(Problem("arm", rule))
         lengths.append(length)
@@ -150,6 +190,7 @@ def inverse_kinematics(
         InputError: if the point is out of reach, or an argument has the wrong shape or is not
             finite.
     """
+    serial_only(check_arm(arm).spec, "inverse kinematics of the tip")
     chain = rigid_chain(arm)
     target = check_array("point", point, (2,))
     check_elbow(elbow)

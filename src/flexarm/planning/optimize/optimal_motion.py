@@ -23,6 +23,7 @@ from flexarm.base.errors import (
     public_call,
     warn_caller,
 )
+from flexarm.model.arm.spec import serial_only
 from flexarm.model.quantities import Count
 from flexarm.motion import Motion
 from flexarm.motion.motion import check_motion
@@ -128,6 +129,7 @@ def optimal_motion(
     Contacts are not included.
     """
     plant = plant or arm
+    serial_only(arm.spec, "an optimal motion")
     check_choice("objective", objective, OBJECTIVES)
     limits = MotionLimits() if limits is None else check_kind("limits", limits, MotionLimits)
     begin, goal = (
@@ -234,7 +236,7 @@ def _within_limits(
 def _misses(task: Task, plan: Plan, run: xr.Dataset) -> bool:
     """Return whether the tip comes to rest too far from its goal."""
     error = remaining(task, task.arm, plan, run).tip_error
-    return error > _MISSED * float(task.arm.lengths.sum())
+    return error > _MISSED * task.arm.reach
 
 
 def _not_converged(task: Task, answer: Answer) -> OptimizationError:

@@ -35,6 +35,7 @@ from flexarm.control.laws.task_controller import HybridForce, Impedance
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
 from flexarm.model import Scenario
+from flexarm.model.arm.spec import serial_only
 from flexarm.model.checks import checked_arguments
 from flexarm.motion import inverse_kinematics
 
@@ -119,6 +120,7 @@ def requirements_of(
     computing = check_choice("computing", computing, COMPUTING)
     if not arm.joints:
         raise InputError(Problem("arm", "must have a joint that is not fixed"))
+    serial_only(arm.spec, "the design of controllers")
     if task == "force" and arm.joints < 2:
         rule = "force is not supported for an arm with one joint"
         raise InputError(Problem("task", rule, hint="It cannot move along a surface."))
@@ -176,7 +178,7 @@ def _places(arm: Arm, task: str, start: object, end: object) -> tuple[FloatArray
     if task == "hold" and end is not None:
         raise InputError(Problem("end", "is not supported with the task 'hold'"))
     if task in _LINE:
-        reach, count = float(np.sum(arm.lengths)), 2
+        reach, count = arm.reach, 2
         first, last = (reach * np.array(point) for point in _LINE[task])
         if arm.joints < 2:
             rule = "track requires an arm with two joints or more"
@@ -364,7 +366,7 @@ def _shaping(needs: Requirements) -> Iterator[Drive]:
 
 def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
     """Yield settings of LQG and MPC, in increasing order of lost performance."""
-    reach = float(np.sum(needs.arm.lengths))
+    reach = needs.arm.reach
     omega = _frequency(needs)
     tip, rate, noise, integral = rounded(
         [_TIP * reach, _RATE * omega, _TIP_NOISE * reach, _TIP_INTEGRAL * reach / omega], 2

@@ -333,7 +333,7 @@ def _surface(needs: Requirements) -> dict[str, Any]:
     normal = np.array([-along[1], along[0]]) / np.hypot(*along)
     if normal @ needs.start > 0.0:  # it points away from the base
         normal = -normal
-    reach = float(np.sum(needs.arm.lengths))
+    reach = needs.arm.reach
     stiffness = needs.force / (_SURFACE_DEPTH * reach)
     damping = _SURFACE_DAMPING * needs.period / (2.0 * np.pi * reach)
     return {
@@ -355,7 +355,7 @@ def _disturbance(needs: Requirements) -> dict[str, Any]:
     across = np.array([-np.sin(angle), np.cos(angle)])  # of the last link
     pushed = equilibrium(arm, needs.start, loads=[Load(links, tuple(across.tolist()))])
     compliance = np.hypot(*(arm.tip(pushed.q)[:2] - arm.tip(still.q)[:2]))
-    force = rounded(across * _DISTURBED * float(np.sum(arm.lengths)) / compliance)
+    force = rounded(across * _DISTURBED * arm.reach / compliance)
     before, period = _BEFORE * needs.period, needs.period
     times = rounded([before, before, before + period, before + period])
     factor = {"times": times, "values": [0.0, 1.0, 1.0, 0.0]}
@@ -367,7 +367,7 @@ def _instruments(needs: Requirements) -> list[dict[str, Any]]:
     if "gauges" in needs.sensors:
         found.append({"signal": "strain"})
     if "tip" in needs.sensors:
-        noise = rounded([_TIP_NOISE * float(np.sum(needs.arm.lengths))], 2)[0]
+        noise = rounded([_TIP_NOISE * needs.arm.reach], 2)[0]
         found.append({"signal": "tip", "noise": noise})
     if "force" in needs.sensors:
         noise = rounded([_FORCE_NOISE * needs.force], 2)[0]

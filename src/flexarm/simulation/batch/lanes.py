@@ -82,10 +82,11 @@ def fits_lanes(batch: Batch) -> bool:
 
 
 def arm_fits_lanes(arm: Arm) -> bool:
-    """Return whether lanes support the arm: compiled, no joint stops, bristles or sticking."""
+    """Return whether lanes support the arm: no joint stops, bristles, sticking or closures."""
     free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
     assembly = arm.assembly
-    return COMPILED and all(free) and not (assembly.has_bristles or assembly.has_sticking)
+    followed = assembly.has_bristles or assembly.has_sticking or arm.closure_rows
+    return COMPILED and all(free) and not followed
 
 
 class Ready(NamedTuple):
@@ -443,13 +444,14 @@ class OpenLanes(Lanes):
 def _structure(run: Ready) -> tuple[int, ...]:
     """Return numbers that are equal for runs in lanes of one pack.
 
-    They are the sizes of the arrays of the arm, the bodies of its loads and contacts, and the
-    identity of the factors of the loads, which are common.
+    They are the sizes of the arrays of the arm, the order of its bodies, the bodies of its loads and
+    contacts, and the identity of the factors of the loads, which are common.
     """
-    sizes = map(len, run_time_sizes(run.arm.assembly.constants))
+    sizes = run_time_sizes(run.arm.assembly.constants)
+    order = *sizes.joints.ravel().tolist(), *sizes.ends.ravel().tolist()
     placed = run.loads.placed
     bodies = *placed.body.tolist(), -1, *placed.contacts.body.tolist()
-    return (*sizes, *bodies, id(run.loads.factors))
+    return (*map(len, sizes), *order, *bodies, id(run.loads.factors))
 
 
 def lane_runs(

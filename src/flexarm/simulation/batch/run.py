@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.base.arguments import check_kind, check_options
 from flexarm.base.errors import (
     FlexarmWarning,
@@ -53,6 +54,7 @@ from flexarm.simulation.calls.limits import limit_variables
 from flexarm.simulation.calls.preparation import Situation, Torque, implausible_run
 from flexarm.simulation.calls.result import (
     arm_text,
+    channel_labels,
     coordinates_of,
     package_version,
     software_versions,
@@ -124,6 +126,7 @@ class Recorder:
             "joint": arm.joints,
             "link": arm.links,
             "axis": 2,
+            "direction": 3 if arm.assembly.base else 0,
             "coordinate": arm.dof,
             "gauge": len(arm.gauges),
             "contact": len(batch.shared.environment.contacts),
@@ -155,6 +158,8 @@ class Recorder:
         absent = {} if runs.controllers[0] is not None else {"torque_command": "controller"}
         if not any(arm.assembly.has_bristles for arm in runs.arms):
             absent["bristle_deflection"] = "friction with bristles"
+        if not runs.arms[0].assembly.base:
+            absent |= dict.fromkeys(("base_position", "base_velocity"), "base that moves")
         problems = []
         for argument, names in own.items():
             for name in names:
@@ -213,7 +218,7 @@ class Recorder:
             name: (
                 ("run", "time", *CHANNELS[name].dims),
                 values,
-                {"units": CHANNELS[name].unit, "long_name": CHANNELS[name].meaning},
+                channel_labels(self._batch.runs.arms[0], name),
             )
             for name, values in self._channels.items()
         }
@@ -357,7 +362,11 @@ def simulate_batch(
     shared = Situation(arm=first, duration=duration, settings=checked, **options)
     own.check_events(shared.events)
     check_samples(reduced, float(shared.times[-1]))
-    starts = None if own.initial is None else own.initial[..., first.joint_index].ravel()
+    starts = (
+        None
+        if own.initial is None
+        else own.initial[..., first.joint_index[turning_joints(first)]].ravel()
+    )
     warn_of(implausible_run(first, shared.duration, checked.rate, starts))
     if model is not None and model.joints != first.joints:
         rule = f"have the number of joints of the arm ({model.joints})"

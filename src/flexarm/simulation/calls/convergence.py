@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 import warnings
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 import numpy as np
@@ -31,7 +31,7 @@ from flexarm.integrate import KennedyCarpenter5
 from flexarm.integrate.base import FloatArray
 from flexarm.model.arm.links import MOST_ELEMENTS, Link
 from flexarm.simulation.calls.preparation import RunArguments, Situation, situation_of
-from flexarm.simulation.calls.run import simulate
+from flexarm.simulation.calls.run import simulated
 from flexarm.simulation.run.integrator_choice import explicit_work
 from flexarm.simulation.run.settings import RunSettings, replaced, with_keywords
 from flexarm.simulation.run.tolerance import fastest_frequency, reach_of, tolerance_of_request
@@ -296,7 +296,7 @@ class _Study:
             frequency = _frequency(situation)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                result = _simulated(situation)
+                result = simulated(situation)
         except FunctionError:
             raise
         except FlexarmError as error:
@@ -318,7 +318,7 @@ class _Study:
     def final(self, mesh: Mesh) -> xr.Dataset:
         """Return the run of the chosen mesh, whose integration error is verified."""
         settings = replaced(self.situation.settings, accuracy=_INTEGRATION * self.accuracy)
-        return _simulated(self._situation(mesh, settings))
+        return simulated(self._situation(mesh, settings))
 
     def apart(self, one: Mesh, other: Mesh) -> float:
         """Return the largest distance (m) of the tips of two runs; infinite if one failed."""
@@ -477,11 +477,6 @@ class _Study:
         }
         links = {"link": np.arange(1, len(self.links) + 1)}
         return xr.Dataset(variables, links, {"accuracy": self.accuracy, "work": self.work})
-
-
-def _simulated(situation: Situation) -> xr.Dataset:
-    """Simulate a situation."""
-    return simulate(**{field.name: getattr(situation, field.name) for field in fields(situation)})
 
 
 def _frequency(situation: Situation) -> float:

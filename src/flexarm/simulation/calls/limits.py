@@ -204,7 +204,7 @@ def deep_contact(arm: Arm, placed: Contacts, states: FloatArray) -> str:
     """
     if not placed.body.size or not len(states):
         return ""
-    reach = float(arm.lengths.sum())
+    reach = arm.reach
     bend = np.maximum(placed.law[:, CURVATURE], _OF_RADIUS / (_OF_REACH * reach))
     allowed = _OF_RADIUS / bend  # a fraction of the reach, or less where a post is thinner
     near = -contact_values(arm, placed, states[::_STRIDE])[..., GAP]

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.actions import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.observe import contact_forces
 from flexarm.base.arguments import (
     check_count,
@@ -178,7 +179,7 @@ class Plant:
         run = self._new_run(state=state)
         run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
         if initial is not None:
-            warn_of_degrees(initial=arm.joint_angles(initial))
+            warn_of_degrees(initial=arm.joint_angles(initial)[turning_joints(arm)])
             refuse_deep_start(arm, state, run.loads.placed.contacts)
         self._loop = RunLoop(run, self.sample_time, hardware, keep=False)
         self._stopped_at: float | None = None

@@ -25,6 +25,7 @@ from flexarm.base.errors import InputError, Problem, check_array, shown, unknown
 from flexarm.base.user_functions import call
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.integrate.base import FloatArray, Progress
+from flexarm.linear.statics.closed import refuse_moving_apart, refuse_open
 from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.plausible import Number, Range, judge, weights
 from flexarm.model.scenarios.scenario import sample_fault
@@ -486,4 +487,6 @@ def initial_state(
         hint = "Arm.rest(joint_rates) gives the rates of straight links."
         rule = f"have shape ({arm.dof},) for the rates of the coordinates"
         raise InputError(Problem("initial_rate", rule, f"shape {rates.shape}", hint))
+    refuse_open(arm, "initial", given)
+    refuse_moving_apart(arm, "initial_rate", given, rates)
     return arm.padded(np.stack([given, rates]))

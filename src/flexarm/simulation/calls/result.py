@@ -12,7 +12,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.observe import bristle_channel, channels_of, contact_channels
+from flexarm.base.errors import AccuracyWarning, warn_caller
 from flexarm.integrate.base import FloatArray
 from flexarm.model import file_text
 from flexarm.simulation.run.channels import CHANNELS
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 BY_CONTACTS = {"contact_force", "contact_gap", "contact_energy"}
 BY_FORCES = BY_CONTACTS | {
     *("joint_force", "joint_moment", "axial_force", "shear_force", "bending_moment"),
+    "closure_force",
 }
 
 
@@ -54,17 +57,39 @@ def _channels_of_span(
         found = channels_of(run.arm, states, names) | bristle_channel(run.arm, states)
         return found | {"torque": given}
     channels = channels_of(run.arm, states) | bristle_channel(run.arm, states)
-    motor, force, moment, inside = run.reactions(times, channels["link_angle"], given)
+    motor, force, moment, inside, closing = run.reactions(times, channels["link_angle"], given)
     channels |= {"torque": motor, "joint_force": force, "joint_moment": moment}
     channels |= section_channels(inside)
+    if run.arm.closure_rows:
+        channels["closure_force"] = closing[:, :-1].copy()
+        _warn_of_singular_postures(times, closing[:, -1])
     return channels | contact_channels(run.arm, run.loads.placed.contacts, states)
 
 
+#: Independence of closures below which a run is near a singular posture: about 0.01 rad.
+_SINGULAR = 1e-4
+
+
+def _warn_of_singular_postures(times: FloatArray, independence: FloatArray) -> None:
+    """Warn if a mechanism passes a posture in which its closures depend on each other."""
+    nearest = int(np.argmin(independence))
+    if independence[nearest] < _SINGULAR:
+        near = np.sqrt(max(independence[nearest], 0.0))
+        warn_caller(
+            f"the mechanism is about {near:.1g} rad from a singular posture at "
+            f"t = {times[nearest]:.4g} s, where its closures depend on each other: beyond it, the "
+            "motion may continue in another working mode, and forces near it are uncertain.",
+            AccuracyWarning,
+        )
+
+
 class _Labels(NamedTuple):
-    """Dimensions, coordinates and attributes of a result, with placeholder data."""
+    """Dimensions, coordinates and attributes of a result, by variable."""
 
     times: FloatArray
-    dataset: xr.Dataset
+    variables: dict[Any, xr.Variable]  # those of channels have placeholder data
+    indexes: dict[Any, Any]  # of the coordinates, which are the other variables
+    sizes: dict[Any, int]
 
 
 #: Labels of the last results, because the next arm often has the same links, joints and channels.
@@ -111,23 +136,45 @@ def make_result(
     if "bending_moment" in values:  # not cached, because users may change `position`
         dataset = _labelled(arm, times, values)
     else:
-        dataset = _labels(arm, times, values).dataset.copy(data=values)
+        dataset = _with_values(_labels(arm, times, values), values)
     software = {"flexarm_version": package_version(), "software": software_versions()}
     dataset.attrs = {**software, **attributes, "arm": arm_text(arm)}
     return dataset
+
+
+def _with_values(labels: _Labels, values: dict[str, FloatArray]) -> xr.Dataset:
+    """Return a dataset of its own with the labels, and with the values of its channels.
+
+    ``Dataset.copy(data=values)`` copies and checks every variable several times, which takes a
+    third of the fixed time of a call. Here the constructor without checks is used, as in xarray's
+    own methods. Datasets share indexes, which nothing changes in place.
+    """
+    import xarray as xr
+
+    variables = {
+        name: xr.Variable(variable.dims, values[name], variable.attrs, fastpath=True)
+        if name in values
+        else variable.copy(deep=False)
+        for name, variable in labels.variables.items()
+    }
+    names, indexes = set(labels.indexes), dict(labels.indexes)
+    return xr.Dataset._construct_direct(variables, names, dict(labels.sizes), indexes=indexes)
 
 
 def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> _Labels:
     """Return the labels of a result: those of an earlier one with the same labels, or new ones."""
     shapes = {name: array.shape for name, array in values.items()}
     numbers = tuple(arm.joint_numbers.tolist())
-    key = (_coordinate_names(arm), numbers, arm.links, _gauge_names(arm), *shapes.items())
+    names = (*_coordinate_names(arm), *turning_joints(arm).tolist())
+    key = (names, numbers, arm.links, _gauge_names(arm), _closure_names(arm), *shapes.items())
     labels = _kept_labels.get(key)
     if labels is None or not np.array_equal(labels.times, times):
         times = times.copy()
         times.setflags(write=False)  # results share the time index
         nothing = {name: np.broadcast_to(0.0, shape) for name, shape in shapes.items()}
-        labels = _Labels(times, _labelled(arm, times, nothing))
+        dataset = _labelled(arm, times, nothing)
+        parts = dict(dataset.variables), dict(dataset.xindexes), dict(dataset.sizes)
+        labels = _Labels(times, *parts)
         _kept_labels[key] = labels
         for oldest in list(_kept_labels)[:-_MOST_LABELS]:
             _kept_labels.pop(oldest, None)  # another thread may have removed it
@@ -139,7 +186,7 @@ def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.
     import xarray as xr
 
     variables = {
-        name: (("time", *CHANNELS[name].dims), array, _channel_labels(name))
+        name: (("time", *CHANNELS[name].dims), array, channel_labels(arm, name))
         for name, array in values.items()
     }
     stations = values["bending_moment"].shape[-1] if "bending_moment" in values else 0
@@ -162,7 +209,7 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
     dataset.attrs |= loop.report()
     if "torque_command" not in dataset.variables:
         command = loop.command_at(dataset["time"].values)
-        labels = _channel_labels("torque_command")
+        labels = channel_labels(loop.run.arm, "torque_command")
         dataset["torque_command"] = (("time", "joint"), command, labels)
     if loop.hardware is None:
         return dataset
@@ -203,8 +250,18 @@ def add_readings(
     return dataset.assign_coords(tick_time=ticks)
 
 
-def _channel_labels(name: str) -> dict[str, str]:
-    return {"units": CHANNELS[name].unit, "long_name": CHANNELS[name].meaning}
+#: Units of sliding joints by those of joints that turn.
+_SLIDING = {"rad": "m", "rad/s": "m/s", "N m": "N"}
+
+
+def channel_labels(arm: Arm, name: str) -> dict[str, str]:
+    """Return the attributes of a channel of an arm, which may have joints that slide."""
+    unit, turning = CHANNELS[name].unit, turning_joints(arm)
+    if "joint" in CHANNELS[name].dims and not turning.all():
+        unit = f"{unit} or {_SLIDING[unit]}" if turning.any() else _SLIDING[unit]
+    elif name in ("q", "qd") and arm.assembly.constants.slides.any():
+        unit = unit.replace(" or ", ", m or " if name == "q" else ", m/s or ")
+    return {"units": unit, "long_name": CHANNELS[name].meaning}
 
 
 def coordinates_of(
@@ -226,6 +283,12 @@ def coordinates_of(
             {"long_name": "generalised coordinate"},
         ),
     }
+    if arm.assembly.base:
+        meaning = "coordinate of the base"
+        coordinates["direction"] = ("direction", ["x", "y", "angle"], {"long_name": meaning})
+    if arm.closure_rows:
+        meaning = "closure, counted as given, and direction of its force"
+        coordinates["closure"] = ("closure", list(_closure_names(arm)), {"long_name": meaning})
     if arm.gauges:
         coordinates["gauge"] = ("gauge", list(_gauge_names(arm)), {"long_name": "strain gauge"})
     if stations:
@@ -239,17 +302,26 @@ def coordinates_of(
 
 def _coordinate_names(arm: Arm) -> tuple[str, ...]:
     names = [""] * arm.dof
+    for coordinate in arm.assembly.base:
+        names[coordinate.index] = f"base_{coordinate.name}"
     for seat in arm.assembly.seats:
         names[seat.angle] = f"joint_{seat.link + 1}"
         if seat.twist is not None:
             names[seat.twist] = f"joint_{seat.link + 1}_twist"
     for piece in arm.assembly.pieces:
         label = f"link_{piece.link + 1}"
-        if arm.spec.links[piece.link].segments > 1:
+        if len(arm.assembly.pieces_of(piece.link)) > 1:
             label += f"_segment_{piece.body - arm.assembly.link_body[piece.link] + 1}"
         for mode, place in enumerate(range(arm.dof)[piece.modal], start=1):
             names[place] = f"{label}_mode_{mode}"
     return tuple(names)
+
+
+def _closure_names(arm: Arm) -> tuple[str, ...]:
+    """Return a name for each row of the closures."""
+    parts = {"pin": ("x", "y"), "weld": ("x", "y", "moment"), "line": ("normal",)}
+    closures = enumerate(arm.spec.closures, start=1)
+    return tuple(f"{k} {part}" for k, closure in closures for part in parts[closure.kind])
 
 
 def _gauge_names(arm: Arm) -> tuple[str, ...]:

@@ -8,13 +8,13 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial, wraps
-from inspect import signature
-from typing import TYPE_CHECKING, Any, ParamSpec, Unpack
+from functools import partial
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.base.errors import (
     AccuracyWarning,
     FlexarmError,
@@ -52,28 +52,6 @@ from flexarm.simulation.run.tolerance import LEAST, reach_of, share_of_finer
 if TYPE_CHECKING:
     import xarray as xr
 
-P = ParamSpec("P")
-
-
-def _computed_until_failure(simulate: Callable[P, xr.Dataset]) -> Callable[P, xr.Dataset]:
-    """Attach the result up to the failure to the exception of a function of time.
-
-    Functions of time are approximated before a run begins. If one fails, the run is repeated up
-    to the last time at which it returned a value.
-    """
-
-    @wraps(simulate)
-    def run(*args: P.args, **options: P.kwargs) -> xr.Dataset:
-        try:
-            return simulate(*args, **options)
-        except FunctionError as failed:
-            if failed.result is None and failed.time > 0.0:
-                given = signature(simulate).bind(*args, **options).arguments
-                _keep_result(failed, partial(run, **{**given, "duration": failed.time}))
-            raise
-
-    return run
-
 
 def _keep_result(failed: FunctionError, again: Callable[[], xr.Dataset]) -> None:
     """Attach the result of a shorter run; if that fails even earlier, raise its own error."""
@@ -86,7 +64,6 @@ def _keep_result(failed: FunctionError, again: Callable[[], xr.Dataset]) -> None
     failed.result.attrs |= {"failure": str(failed), "ended_by": FAILURE}
 
 
-@_computed_until_failure
 @public_call
 @with_keywords(RunArguments, Situation)
 def simulate(
@@ -196,13 +173,32 @@ def simulate(
             ``rate`` like a time, or limits of motors like those in another unit.
         FlexarmWarning: if a `PrescribedPerformance` leaves its bound.
     """
-    situation = situation_of(simulate, arm, duration, settings, arguments)
-    simulated, initial = situation.simulated, situation.initial
+    return simulated(situation_of(simulate, arm, duration, settings, arguments))
+
+
+def simulated(situation: Situation) -> xr.Dataset:
+    """Return the result of a run with its warnings, as `simulate` does.
+
+    Functions of time are approximated before a run begins. If one fails, the run is repeated up to
+    the last time at which it returned a value, and the exception gets that result.
+    """
+    try:
+        return _warned(situation)
+    except FunctionError as failed:
+        if failed.result is None and failed.time > 0.0:
+            end = failed.time
+            _keep_result(failed, lambda: simulated(replace(situation, duration=end)))
+        raise
+
+
+def _warned(situation: Situation) -> xr.Dataset:
+    """Execute a run, report its warnings, and return its result."""
+    arm, initial = situation.simulated, situation.initial
     controller, reference, hardware = situation.controller, situation.reference, situation.hardware
-    begin = simulated.unpadded(situation.start[0])
-    angles = None if initial is None else begin[simulated.joint_index]
+    begin = arm.unpadded(situation.start[0])
+    angles = None if initial is None else begin[arm.joint_index][turning_joints(arm)]
     driven = angles, controller, reference, hardware
-    warn_of(implausible_run(simulated, situation.duration, situation.settings.rate, *driven))
+    warn_of(implausible_run(arm, situation.duration, situation.settings.rate, *driven))
     with Meter("simulating", situation.settings.progress) as meter:
         result, notices = _executed(meter, situation)
         doubt = ""

@@ -32,6 +32,7 @@ from flexarm.kernels.layout import Array
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.linear.step_derivatives.parameters import POWERS, constants_at, scaled, scales_of
 from flexarm.model import Link
+from flexarm.model.arm.spec import serial_only
 from flexarm.model.paths import number_at, parts_of, with_number
 from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.calls.run import simulate
@@ -477,6 +478,7 @@ def differentiated(
         once: differentiates a run, perhaps with exactly the tolerances of its settings.
         apart: relative differences of the derivatives of two runs.
     """
+    serial_only(situation.simulated.spec, "a derivative of runs", ("closures",))
     derivatives = once(situation, False)
     run, settings = derivatives.run, situation.settings
     second = second_run(run, settings) if twice else None

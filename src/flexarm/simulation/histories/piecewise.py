@@ -6,7 +6,6 @@ of time are approximated as accurately as a run requires."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.base.arguments import check_choice
 from flexarm.base.errors import InputError, Problem, check_array
-from flexarm.base.user_functions import FunctionError, call, first_failure
+from flexarm.base.user_functions import FunctionError, call, call_many, first_failure
 
 #: Allowed error of the cubics, as a fraction of the integrator's tolerance, and its lower limit.
 _SHARE, _LEAST = 1e-2, 1e-12
@@ -203,10 +202,7 @@ class _Follower:
         in_order = times[order].tolist()
         rows: list[Any] = []
         try:
-            for t in in_order:
-                row = call(self._name, function, t)
-                # Copy, because the function may write each result into the same array or list.
-                rows.append(copy(row) if type(row) is list or hasattr(row, "__array__") else row)
+            call_many(self._name, function, in_order, rows)
         except FunctionError as failed:
             self._rows(in_order, rows)  # a wrong value before the failure is reported first
             before = in_order[len(rows) - 1] if rows else 0.0

@@ -366,7 +366,7 @@ class _Search:
 
     def yardstick(self, rigid: float) -> float:
         """Return the reference error (m) of reductions, limited because an arm may fall."""
-        return min(rigid, _MOST_RIGID * float(np.sum(self.arm.lengths)))
+        return min(rigid, _MOST_RIGID * self.arm.reach)
 
     def run(self, reduction: float) -> tuple[_Judged, _Judged]:
         """Correct until the errors are small enough or stop decreasing; return best and rigid run.

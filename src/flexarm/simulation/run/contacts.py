@@ -70,12 +70,14 @@ def _mobility(arm: Arm, contact: Contact, q: FloatArray) -> float:
 
 def contact_frequency(arm: Arm, placed: Contacts) -> float:
     """Return the highest frequency (rad/s) of the arm on a surface; 0 without contacts."""
+    if not placed.body.size:
+        return 0.0
     turning, law = undecorated(turning_time), placed.law
-    depth = _DEPTH * float(arm.lengths.sum())
+    depth = _DEPTH * arm.reach
     # The speed is that of an undamped vibration of this depth.
     speed = np.sqrt(law[:, STIFFNESS] * law[:, MOBILITY] * depth ** (law[:, EXPONENT] + 1.0))
     times = [turning(placed, k, float(speed[k])) for k in range(placed.body.size)]
-    return max((1.0 / time for time in times), default=0.0)
+    return float(max(1.0 / time for time in times))
 
 
 def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
@@ -98,7 +100,7 @@ def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
             rule = f"lies at the centre of the surface of contact {k}"
             raise InputError(Problem("initial", rule, hint="Start outside the surface."))
         depth = -float(values[GAP])
-        if depth <= _DEEP * float(arm.lengths.sum()):
+        if depth <= _DEEP * arm.reach:
             continue
         force = float(law[STIFFNESS]) * depth ** float(law[EXPONENT])
         if force > _UNHELD * weight:
@@ -133,7 +135,7 @@ def refuse_pressing_outward(
     touching = [k for k, contact in enumerate(contacts) if _is_tip(arm, contact)]
     if not isinstance(reference, PressedMotion) or not touching:
         return
-    reach, motion = float(arm.lengths.sum()), reference.motion
+    reach, motion = arm.reach, reference.motion
     times = np.linspace(0.0, min(motion.end_time, duration), _LOOKS)
     angles, normals = np.asarray(motion.joint_angle(times)), reference.normal(times)
     J = tip_jacobian(motion.chain.lengths, angles + motion.chain.offset)

@@ -185,7 +185,8 @@ def _misses_slip(run: Run, history: PiecewiseCubic, step: float) -> bool:
     torques = run.arm.padded_torque(history.at(times))
     accelerations, motor = np.zeros(states[:, 0].shape), np.zeros((places.size, n))
     root, wrench = np.zeros((2, places.size, n, 3))
-    reactions_many(system, times, states, torques, accelerations, root, wrench, motor)
+    closing = np.zeros((places.size, run.arm.closure_rows + 1))
+    reactions_many(system, times, states, torques, accelerations, root, wrench, motor, closing)
     return bool(np.any(rests[resting] & (accelerations[:, :, 0] != 0.0)))
 
 
@@ -256,7 +257,7 @@ def returns_to_surface(
         return True
     before = np.logical_or.accumulate(inside)
     after = np.logical_or.accumulate(inside[::-1])[::-1]
-    return bool(np.any(before & after & (gap > _LIFTED * arm.lengths.sum())))
+    return bool(np.any(before & after & (gap > _LIFTED * arm.reach)))
 
 
 def may_grow(

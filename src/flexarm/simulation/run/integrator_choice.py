@@ -122,6 +122,7 @@ def choose_integrator(
     check_integrator(requested, step, touch > 0.0)
     _refuse_with_bristles(requested, step, arm)
     _refuse_with_sticking(requested, arm)
+    _refuse_with_closures(requested, arm)
     choice = _choose(requested, step, arm, tolerance, touch, prescribed, duration)
     choice = choice._replace(integrator=settling(choice.integrator, arm, tolerance, prescribed))
     # Strong damping limits an explicit step in the same way as a vibration.
@@ -200,6 +201,15 @@ def _refuse_with_sticking(requested: str | Integrator, arm: Arm) -> None:
         names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_sticking]
         hint = f"Use one of {', '.join(names)}, or friction that creeps: smoothing_rate=0.01."
         refuse_sticking(arm, "integrator", shown(kind.name), hint)
+
+
+def _refuse_with_closures(requested: str | Integrator, arm: Arm) -> None:
+    """Raise if a requested integrator does not keep the loops of a mechanism closed."""
+    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
+    if kind is not None and arm.closure_rows and not kind.follows_closures:
+        names = ", ".join(repr(name) for name, kind in INTEGRATORS.items() if kind.follows_closures)
+        rule = f"be one of 'auto', {names} for an arm with closures"
+        raise InputError(Problem("integrator", rule, shown(kind.name)))
 
 
 def choose_by_drive(choice: Choice, arm: Arm, stops: FloatArray, duration: float) -> Choice:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flexarm.arm.actions import EMPTY, Environment, loads_inboard
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import joint_roots
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import cuts_at
 from flexarm.base.errors import FlexarmWarning, SimulationError
@@ -182,7 +183,7 @@ class Run:
 
     def reactions(
         self, times: FloatArray, angle: FloatArray, given: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
         """Compute motor torques, joint reactions and section forces at the samples.
 
         Args:
@@ -192,13 +193,14 @@ class Run:
 
         Returns:
             Motor torques (T, joints), joint forces (T, links, 2) in world axes, joint moments
-            (T, links) and section forces (stations, T, links, 3).
+            (T, links), section forces (stations, T, links, 3) forces of closures (T, rows) and their
+            independence (T,) in the last column of these.
         """
         arm, states = self.arm, self.samples[: len(times)]
         n = arm.assembly.bodies
         system = self.system(PiecewiseCubic.constant(np.zeros(arm.joints)))
         wrench, motor = np.zeros((len(times), n, 3)), np.zeros((len(times), n))
-        torques = arm.padded_torque(given)
+        torques, closing = arm.padded_torque(given), np.zeros((len(times), arm.closure_rows + 1))
         cuts = cuts_at(arm, self.stations) if self.stations else []
         sections = []  # the arm cut at one station of each link, with the loads inboard of these
         for cut in cuts:
@@ -210,10 +212,12 @@ class Run:
             part = slice(start, start + _CHUNK)
             now = times[part], states[part]
             motion = np.zeros((len(now[0]), *states.shape[2:])), np.zeros((len(now[0]), n, 3))
-            reactions_many(system, *now, torques[part], *motion, wrench[part], motor[part])
+            reactions_many(
+                system, *now, torques[part], *motion, wrench[part], motor[part], closing[part]
+            )
             for section, cut, forces in zip(sections, cuts, inside[:, part], strict=True):
                 section_forces_many(section, cut.stations, *now, *motion, wrench[part], forces)
-        bodies = arm.assembly.link_body
+        bodies = joint_roots(arm)
         cosine, sine = np.cos(angle), np.sin(angle)
         x, y = wrench[:, bodies, 0], wrench[:, bodies, 1]
         force = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=2)
@@ -221,7 +225,7 @@ class Run:
         torque = np.array(given)
         if self.prescribed:
             torque = np.where(self._moved(), motor[:, arm.assembly.joint_body], given)
-        return torque, force, wrench[:, bodies, 2], inside
+        return torque, force, wrench[:, bodies, 2], inside, closing
 
     def _moved(self) -> NDArray[np.bool_]:
         """Return which of the movable joints have a prescribed motion, (joints,)."""

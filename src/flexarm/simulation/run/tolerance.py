@@ -76,6 +76,9 @@ def for_arm(tolerance: Tolerance, arm: Arm, state: FloatArray, horizon: float) -
 
 def reach_of(arm: Arm) -> float:
     """Return the distance (m) from the base to the tip of the straight arm."""
+    turning = arm.assembly.constants.slides == 0.0
+    if not turning.all():
+        return float(reaches(arm.assembly.constants)[0].max())
     return 1.0 / float(tip_units(arm)[0, :, 0].min())
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import station_of
 from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, public_call_as
 from flexarm.view.plot import style
@@ -19,6 +20,8 @@ from flexarm.view.plot.drawn_result import (
     check_drawable,
     check_magnify,
     deflections,
+    joined,
+    joints_of,
     readable_unit,
     rigid_result,
     shapes_of,
@@ -69,12 +72,12 @@ def postures(
     with style.panels(axes, 1, (4.8, 4.4), style.rows(1)) as (panel,):
         if ghost is not None:
             look = {**style.RIGID, "linewidth": 0.6}
-            _draw_arms(panel, ghost.shapes(times), [look] * count, "rigid")
+            _draw_arms(panel, ghost.arm, ghost.shapes(times), [look] * count, "rigid")
         looks = [
             {"color": style.AGES(age), "linewidth": 1.5} for age in np.linspace(0.0, 1.0, count)
         ]
         name = "flexible" if magnify == 1.0 else f"bending × {magnify:g}"
-        _draw_arms(panel, shapes, looks, name)
+        _draw_arms(panel, arm, shapes, looks, name)
         panel.plot(
             *_tip_path(arm, result, magnify).T, color=style.VERMILLION, linewidth=1.2, label="tip"
         )
@@ -88,13 +91,16 @@ def postures(
     return panel
 
 
-def _draw_arms(panel: Axes, shapes: FloatArray, looks: list[dict[str, Any]], name: str) -> None:
+def _draw_arms(
+    panel: Axes, arm: Arm, shapes: FloatArray, looks: list[dict[str, Any]], name: str
+) -> None:
     """Draw shapes (k, links, stations, 2) with inner joints as dots; the last one has a label."""
     for k, (links, look) in enumerate(zip(shapes, looks, strict=True)):
         label = name if k == len(shapes) - 1 else "_"
-        panel.plot(*links.reshape(-1, 2).T, **{**look, "label": label})
+        panel.plot(*joined(arm, links[None])[0].T, **{**look, "label": label})
         if "linestyle" not in look:
-            panel.plot(*links[:-1, -1].T, "o", color=look["color"], markersize=3.2, label="_")
+            joints = joints_of(arm, links[None])[0, 1:]
+            panel.plot(*joints.T, "o", color=look["color"], markersize=3.2, label="_")
 
 
 def _name_tip(panel: Axes, words: str, link: FloatArray) -> None:
@@ -210,13 +216,24 @@ def _name_peak(
 
 def _along(arm: Arm, fraction: FloatArray) -> FloatArray:
     """Return distances from the base along the arm, (links, stations) m."""
-    roots = np.cumsum(arm.lengths) - arm.lengths
+    roots = _roots(arm)
     return np.asarray(roots[:, None] + arm.lengths[:, None] * fraction)
+
+
+def _roots(arm: Arm) -> FloatArray:
+    """Return the distances of the joints of the links from the base, along the arm, (links,) m."""
+    if arm.spec.is_serial:
+        return np.asarray(np.cumsum(arm.lengths) - arm.lengths)
+    roots = np.zeros(arm.links)
+    for i, parent in enumerate(arm.spec.parents):
+        if parent >= 0:
+            roots[i] = roots[parent] + arm.spec.links[parent].hub_radius + station_of(arm.spec, i)
+    return roots
 
 
 def _finish_along(panel: Axes, arm: Arm, title: str, label: str) -> None:
     panel.axhline(0.0, color=style.GREY, linewidth=0.7, zorder=1.0, label="_")
-    for place in np.cumsum(arm.lengths)[:-1]:
+    for place in _roots(arm)[1:]:
         panel.axvline(place, color=style.GREY, linewidth=0.6, linestyle=":", zorder=0.5, label="_")
     panel.set(title=title, xlabel="distance from the base along the arm [m]", ylabel=label)
     panel.locator_params(nbins=7)

@@ -119,7 +119,7 @@ def _labels(result: xr.Dataset, dim: str, size: int) -> list[tuple[str, str]]:
         return [(f"{dim} {number}", str(number)) for number in numbers]
     if dim == "station" and dim in result.coords:
         return [(f"at {place:.3g} of its length", f"{place:.3g}") for place in result[dim].values]
-    if dim in ("axis", "coordinate") and dim in result.coords:
+    if dim in ("axis", "coordinate", "direction") and dim in result.coords:
         return [(str(name), str(name)) for name in result[dim].values]
     stem = "part" if dim.startswith(_READING) else dim  # the names of gauges are too long
     return [(f"{stem} {number}", str(number)) for number in range(1, size + 1)]
@@ -230,6 +230,8 @@ def rigid_result(rigid: object, arm: Arm, result: xr.Dataset) -> RigidMotion | N
         angles = result["joint_angle"].values
         q = np.zeros((len(angles), rigid_counterpart.dof))
         q[:, rigid_counterpart.joint_index] = angles
+        for coordinate in arm.assembly.base:
+            q[:, coordinate.index] = result["q"].values[:, coordinate.index]
         return RigidMotion(rigid_counterpart, result["time"].values, q)
     import xarray as xr
 
@@ -268,6 +270,28 @@ def shapes_of(
         for piece in arm.assembly.pieces:
             q[:, piece.modal] *= magnify
     return np.array([arm.shape(row, stations) for row in q])
+
+
+def joined(arm: Arm, shapes: FloatArray) -> FloatArray:
+    """Return the lines (k, points, 2) m through shapes (k, links, stations, 2).
+
+    Of a serial arm, the links follow each other; those of another one are separated by NaN.
+    """
+    if arm.spec.is_serial:
+        return shapes.reshape(len(shapes), -1, 2)
+    gaps = np.full((*shapes.shape[:2], 1, 2), np.nan)
+    return np.concatenate([shapes, gaps], axis=2).reshape(len(shapes), -1, 2)
+
+
+def joints_of(arm: Arm, shapes: FloatArray) -> FloatArray:
+    """Return the points (k, links, 2) m at which joints are drawn, of shapes (k, links, ...).
+
+    A joint of a serial arm is at the tip before it; the root of its link may be at a hub radius
+    from there.
+    """
+    if not arm.spec.is_serial:
+        return shapes[:, :, 0]
+    return np.concatenate([np.zeros((len(shapes), 1, 2)), shapes[:, :-1, -1]], axis=1)
 
 
 def deflections(arm: Arm, result: xr.Dataset, stations: int = STATIONS) -> FloatArray:

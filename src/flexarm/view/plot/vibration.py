@@ -77,7 +77,7 @@ def _grid(sheet: style.Sheet, count: int) -> list[Axes]:
 
 
 def _draw_shapes(made: Sequence[Axes], result: Modes) -> None:
-    curves = result.curves(amplitude=0.12 * float(result.arm.lengths.sum()))
+    curves = result.curves(amplitude=0.12 * result.arm.reach)
     rest = result.arm.shape(result.q)
     for k, axes in enumerate(made):
         for link in range(result.arm.links):

@@ -171,7 +171,10 @@ class _Arm:
             self.path.set_data(*np.vstack([scene.path[:now], tip]).T)
             yield self.path
         if scene.ghost is not None:
-            self.ghost.set_data(*scene.ghost[frame].reshape(-1, 2).T)
+            ghost = scene.ghost[frame]
+            if not scene.serial:
+                ghost = np.concatenate([ghost, np.full((len(ghost), 1, 2), np.nan)], axis=1)
+            self.ghost.set_data(*ghost.reshape(-1, 2).T)
             yield self.ghost
         for line, points in zip(self.links, scene.links[frame], strict=True):
             line.set_data(*points.T)

@@ -26,6 +26,7 @@ from flexarm.view.plot.drawn_result import (
     RigidMotion,
     Signals,
     at_times,
+    joints_of,
     scenario_of,
     shapes_of,
 )
@@ -58,6 +59,7 @@ class Scene:
     depths: tuple[float, ...]
     bends: tuple[bool, ...]  # (links,) whether a link is flexible
     joints: FloatArray  # (F, movable joints, 2)
+    serial: bool  # whether each link follows the one before
     payload: bool  # whether the arm carries one
     #: (F, movable joints, points, 2) of torques, NaN without an arrow; or None
     arrows: FloatArray | None
@@ -113,9 +115,7 @@ def scene_of(
     shown += [] if straight is None else [straight.reshape(-1, 2)]
     shown += [] if desired is None else [desired[0]]
     view = _view(np.concatenate(shown))
-    # A joint is at the tip before it; the root of its link may be at a hub radius from there.
-    tips = np.concatenate([np.zeros((len(links), 1, 2)), links[:, :-1, -1]], axis=1)
-    joints = tips[:, [seat.link for seat in arm.assembly.seats]]
+    joints = joints_of(arm, links)[:, [seat.link for seat in arm.assembly.seats]]
     arrows = None
     if options.torque and "torque" in result and joints.shape[1]:
         torque = at_times(time, result["torque"].values, now)
@@ -134,6 +134,7 @@ def scene_of(
         depths=tuple(0.0 if k.section is None else float(k.section.depth) for k in spec.links),
         bends=tuple(link.flexible for link in spec.links),
         joints=joints,
+        serial=spec.is_serial,
         payload=spec.payload.mass > 0.0,
         arrows=arrows,
         ghost=straight,

@@ -15,8 +15,8 @@ from typing import Any, Literal
 
 from flexarm.integrate import INTEGRATORS
 from flexarm.model import Link, StudySpec
+from flexarm.model.arm.joints import Joint
 from flexarm.model.arm.links import MATERIALS, Material
-from flexarm.model.arm.spec import Joint
 from flexarm.model.checks import Record, descriptions_of
 from flexarm.model.drives import DRIVES
 from flexarm.model.hardware import Hardware

@@ -18,6 +18,7 @@ from flexarm.cases.scenario.references import motion_of
 from flexarm.control.design.arm_scales import arm_scales
 from flexarm.linear import modes
 from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario
+from flexarm.model.arm.joints import Friction, JointLimits, Winding
 from flexarm.model.arm.links import (
     Box,
     Circle,
@@ -27,7 +28,6 @@ from flexarm.model.arm.links import (
     Rectangle,
     Tube,
 )
-from flexarm.model.arm.spec import Friction, JointLimits, Winding
 from flexarm.model.checks import Record, descriptions_of
 from flexarm.model.drives import DRIVES, TorqueDrive
 from flexarm.model.environment import (

@@ -1,0 +1,395 @@
+"""Motions that keep the loops of a mechanism closed, the forces of closures, and closed postures.
+
+With the Jacobian ``J`` of the closures, small motions ``Z y`` in independent coordinates ``y`` keep
+the loops closed, ``J Z = 0``. An equilibrium is ``f = J' lambda`` for the force ``f`` that rest
+requires: ``Z' f = 0``, and the rows of ``f`` that belong to the dependent coordinates give
+``lambda``. The stiffness is the derivative of ``f - J' lambda``: it contains the curvature of the
+closures, without which frequencies are wrong. Theory page "small motion",
+(S.11) to (S.13).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexarm.arm.actions import Environment
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray, IntArray
+from flexarm.arm.assembly.coordinates import check_joint, coordinate_sizes
+from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.arm.bending import bending_warning
+from flexarm.base.arguments import as_list
+from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call, shown
+from flexarm.kernels.columns import GAP_RATE
+from flexarm.kernels.derivatives.sensitivity import STEP, potential_hessian
+from flexarm.kernels.recursion.closures import ROW_ANGLE, closure_gaps
+from flexarm.model import Contact, Load
+
+#: Gap, in units of the reach or one radian, up to which a posture counts as closed: postures with
+#: six digits shall do.
+_OPEN = 1e-6
+#: Factor on the size of joint and base coordinates, and on that of others, in the choice of the
+#: dependent ones: as joints move without force, a mode is chosen only if they hardly move a row.
+_FIRST = 1e6
+#: Singular value of the Jacobian over the largest, below which rows depend on each other. It
+#: decreases in proportion to the distance from such a posture, in rad.
+_DEPENDENT = 1e-8
+#: Motion of a dependent coordinate with an independent one that is rounding error, in sizes.
+_NOTHING = 1e-13
+#: Most Newton steps that close a posture, largest change in one (rad, or of the reach), and gap
+#: that counts as zero after rounding.
+_ROUNDS, _LARGEST, _ROUNDING = 200, 0.3, 1e-13
+#: Gap up to which `assembled` counts the loops as closed.
+_CLOSED = 1e-9
+#: Gap below which a sequence that no longer decreases has reached its rounding errors.
+_STAGNANT = 1e-10
+#: Newton steps without progress before the search ends.
+_PATIENCE = 20
+
+
+class Motions(NamedTuple):
+    """Small motions that keep the loops closed; without closures, all of the free coordinates.
+
+    ``independent`` (k,) and ``dependent`` (rows,): indices of coordinates. ``basis`` (dof, k): Z,
+    with ones in the independent coordinates; None without closures. ``solver`` (rows, rows): the
+    inverse of the columns of J of the dependent coordinates.
+    """
+
+    dof: int
+    independent: IntArray
+    dependent: IntArray
+    basis: FloatArray | None
+    solver: FloatArray
+
+    def forces(self, force: FloatArray) -> FloatArray:
+        """Return the forces (k, ...) on independent coordinates of forces (dof, ...)."""
+        return force[self.independent] if self.basis is None else self.basis.T @ force
+
+    def matrix(self, matrix: FloatArray) -> FloatArray:
+        """Return Z' A Z (k, k) of a matrix A (dof, dof)."""
+        if self.basis is None:
+            return matrix[np.ix_(self.independent, self.independent)]
+        return np.asarray(self.basis.T @ matrix @ self.basis)
+
+    def displacements(self, moved: NDArray[Any]) -> NDArray[Any]:
+        """Return displacements (dof, ...) of those in independent coordinates (k, ...)."""
+        if self.basis is not None:
+            return np.asarray(self.basis @ moved)
+        spread = np.zeros((self.dof, *moved.shape[1:]), dtype=moved.dtype)
+        spread[self.independent] = moved
+        return spread
+
+    def multipliers(self, force: FloatArray) -> FloatArray:
+        """Return the closure forces (rows,) that take the forces on dependent coordinates."""
+        return np.asarray(self.solver.T @ force[self.dependent])
+
+    def closed(self, arm: Arm, q: FloatArray) -> FloatArray:
+        """Return q near that of this motion, with dependent coordinates that close the loops."""
+        if self.basis is None:
+            return q
+        q, sizes, before = q.copy(), row_sizes(arm), np.inf
+        for _ in range(_ROUNDS):
+            gaps = arm.closure_gaps(q)
+            size = float(np.max(np.abs(gaps / sizes)))
+            if size <= _ROUNDING or (size >= 0.5 * before and size < _STAGNANT):
+                return q
+            if not size < 10.0 * before:
+                break
+            before = size
+            q[self.dependent] -= self.solver @ gaps
+        raise np.linalg.LinAlgError("the loops do not close")
+
+
+def row_sizes(arm: Arm) -> FloatArray:
+    """Return gaps (rows,) of equal size: the reach, and one radian for angles."""
+    turns = arm.assembly.constants.ends[:, 0] == ROW_ANGLE
+    return np.where(turns, 1.0, float(arm.lengths.sum()))
+
+
+def _closures_of(arm: Arm, rows: Sequence[int] | NDArray[np.intp]) -> str:
+    """Return the names of the closures to which rows belong."""
+    counts = [{"pin": 2, "weld": 3, "line": 1}[closure.kind] for closure in arm.spec.closures]
+    owners = np.repeat(np.arange(len(counts)), counts)
+    return ", ".join(f"arm.closures[{k}]" for k in sorted({int(owners[row]) for row in rows}))
+
+
+def _rigid_coordinates(arm: Arm) -> IntArray:
+    """Return the indices in q of the joints and of the base."""
+    base = [coordinate.index for coordinate in arm.assembly.base]
+    return np.array(sorted([*base, *arm.joint_index.tolist()]), dtype=np.intp)
+
+
+def _ease(arm: Arm) -> FloatArray:
+    """Return how far equal forces move the coordinates (dof,), compared to their sizes, at most 1.
+
+    Relative to the softest mode; joints and the base move by ``_FIRST`` of it.
+    """
+    constants = arm.assembly.constants
+    springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
+    stiffness = arm.unpadded(springs) * coordinate_sizes(arm) ** 2
+    rigid = _rigid_coordinates(arm)
+    elastic = np.setdiff1d(np.arange(arm.dof), rigid)
+    ease = np.ones(arm.dof)
+    positive = stiffness[elastic][stiffness[elastic] > 0.0]
+    softest = float(positive.min()) if positive.size else 1.0
+    ease[elastic] = np.sqrt(softest / np.maximum(stiffness[elastic], softest)) / _FIRST
+    return ease
+
+
+def independent_motions(arm: Arm, q: FloatArray, free: IntArray) -> Motions:
+    """Return the motions of the coordinates ``free`` that keep the loops closed at q (dof,).
+
+    The dependent coordinates are joints and the base as far as they move the rows: columns of J,
+    chosen by factorisation with pivoting. Modes are dependent only if joints are locked, or if
+    there are too few of them; then the softest ones.
+
+    Raises:
+        InputError: if the closures are not independent in these coordinates.
+    """
+    if not arm.closure_rows:
+        nothing = np.zeros(0, dtype=np.intp)
+        return Motions(arm.dof, free, nothing, None, np.zeros((0, 0)))
+    from scipy.linalg import qr
+
+    J = arm.closure_jacobian(q)
+    sizes = coordinate_sizes(arm)
+    scaled = (J * sizes / row_sizes(arm)[:, None])[:, free]
+    _refuse_dependent(arm, scaled)
+    order = qr(scaled * _ease(arm)[free], mode="r", pivoting=True)[1]
+    dependent = free[np.sort(order[: len(J)])]
+    independent = np.setdiff1d(free, dependent)
+    solver = np.asarray(np.linalg.inv(J[:, dependent]), dtype=np.float64)
+    basis = np.zeros((arm.dof, independent.size))
+    basis[independent, np.arange(independent.size)] = 1.0
+    follow = -solver @ J[:, independent]
+    # Rounding errors would give stiff modes a part in motions that do not bend the links.
+    follow[np.abs(follow) * sizes[independent] < _NOTHING * sizes[dependent, None]] = 0.0
+    basis[dependent] = follow
+    return Motions(arm.dof, independent, dependent, basis, solver)
+
+
+def _refuse_dependent(arm: Arm, scaled: FloatArray) -> None:
+    """Raise if rows of a scaled Jacobian (rows, k) depend on each other."""
+    from scipy.linalg import qr, svdvals
+
+    values = svdvals(scaled) if scaled.size else np.zeros(1)
+    rank = int(np.count_nonzero(values > _DEPENDENT * values.max()))
+    if rank == len(scaled):
+        return
+    surplus = np.arange(len(scaled))
+    if rank:
+        surplus = qr(scaled.T, mode="r", pivoting=True)[1][rank:]
+    rule = "depends on the other closures, or on nothing that can move, in this posture"
+    hint = (
+        "Let more joints move. A straight link does not stretch: a point on its axis that cannot "
+        "move along it needs kind='line'."
+    )
+    raise InputError(Problem(_closures_of(arm, surplus), rule, hint=hint))
+
+
+def refuse_open(arm: Arm, name: str, q: FloatArray) -> None:
+    """Raise if the posture q (dof,), an argument ``name``, does not close the loops."""
+    if arm.closure_rows:
+        gaps = arm.closure_gaps(q)
+        largest = int(np.argmax(np.abs(gaps / row_sizes(arm))))
+        if abs(gaps[largest]) > _OPEN * row_sizes(arm)[largest]:
+            hint = "fa.assembled(arm, q) computes a posture near q that closes them."
+            raise InputError(Problem(name, "close the loops", _gap(arm, gaps, largest), hint))
+
+
+def refuse_moving_apart(arm: Arm, name: str, q: FloatArray, qd: FloatArray) -> None:
+    """Raise if rates qd (dof,), an argument ``name``, do not keep the loops closed at q."""
+    if arm.closure_rows and np.any(qd):
+        hint = "fa.assembled(arm, q, qd) computes both."
+        _refuse_rates(arm, name, _scaled_jacobian(arm, q), qd, hint)
+
+
+def _refuse_rates(arm: Arm, name: str, J: FloatArray, qd: FloatArray, hint: str) -> None:
+    rates = qd / coordinate_sizes(arm)
+    left, scale = np.abs(J @ rates), np.max(np.abs(J) @ np.abs(rates))
+    worst = int(np.argmax(left))
+    if left[worst] > _OPEN * scale:
+        speed = left[worst] * row_sizes(arm)[worst]
+        unit = "rad/s" if arm.assembly.constants.ends[worst, 0] == ROW_ANGLE else "m/s"
+        value = f"a gap that opens by {speed:.3g} {unit} at {_closures_of(arm, [worst])}"
+        raise InputError(Problem(name, "keep the loops closed", value, hint))
+
+
+def _gap(arm: Arm, gaps: FloatArray, row: int) -> str:
+    unit = "rad" if arm.assembly.constants.ends[row, 0] == ROW_ANGLE else "m"
+    return f"a gap of {abs(gaps[row]):.3g} {unit} at {_closures_of(arm, [row])}"
+
+
+def stiffness_of(
+    arm: Arm,
+    q: FloatArray,
+    forces: FloatArray,
+    loads: Sequence[Load] = (),
+    contacts: Sequence[Contact] = (),
+) -> FloatArray:
+    """Return `Arm.stiffness_matrix` (dof, dof) less the curvature of closures with ``forces``."""
+    if not forces.size:
+        return arm.stiffness_matrix(q, loads=loads, contacts=contacts)
+    kernels = KernelView(arm.assembly.constants, complex)
+    kernels.set_closure_forces(forces)
+    n, width = kernels.shape
+    state = arm.padded(np.stack([q, np.zeros(arm.dof)])).astype(complex)
+    placed = Environment(loads, None, contacts).placed(arm)
+    K = np.zeros((n, width, n, width))
+    kernels.call(potential_hessian, state, np.zeros(kernels.shape), placed, kernels.work, K)
+    check_result(K, q)
+    kept = arm.assembly.coordinates
+    return np.asarray(K.reshape(n * width, n * width)[np.ix_(kept, kept)])
+
+
+def least_forces(arm: Arm, q: FloatArray, force: FloatArray, free: IntArray) -> FloatArray:
+    """Return the closure forces (rows,) that leave the least of a ``force`` (dof,) at q.
+
+    Forces on the coordinates ``free`` count by the displacements that they cause, so that the
+    forces of closures are those of the equilibrium close to q.
+    """
+    J = arm.closure_jacobian(q)
+    weight = (_ease(arm) * coordinate_sizes(arm))[free]
+    rows = row_sizes(arm)
+    matrix = (J[:, free] * weight / rows[:, None]).T
+    return np.asarray(np.linalg.lstsq(matrix, weight * force[free], rcond=None)[0] / rows)
+
+
+def gap_rates_by_q(arm: Arm, q: FloatArray, qd: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the rates of the gaps (rows,) at q and qd, and their derivatives (rows, dof) by q."""
+    state = arm.padded(np.stack([q, qd])).astype(complex)
+    kernels = KernelView(arm.assembly.constants, complex)
+    by_q, flat = np.zeros((arm.closure_rows, arm.dof)), state[0].reshape(-1)
+    kernels.call(closure_gaps, state, kernels.work)
+    rates = kernels.work.closure[:, GAP_RATE].real.copy()
+    for k, place in enumerate(arm.assembly.coordinates):
+        flat[place] += 1j * STEP
+        kernels.call(closure_gaps, state, kernels.work)
+        flat[place] -= 1j * STEP
+        by_q[:, k] = kernels.work.closure[:, GAP_RATE].imag / STEP
+    return rates, by_q
+
+
+def held_joints(arm: Arm, held: Sequence[int]) -> IntArray:
+    """Return the indices in q of the joints whose numbers an argument ``held`` lists."""
+    numbers = held.tolist() if isinstance(held, np.ndarray) else as_list(held)
+    if not isinstance(numbers, list):
+        raise InputError(Problem("held", "be a list of numbers of joints", shown(held)))
+    places = [check_joint(arm, "held", number) for number in numbers]
+    return arm.joint_index[np.array(places, dtype=np.intp)]
+
+
+class AssembledState(NamedTuple):
+    """A state that closes the loops of a mechanism.
+
+    Attributes:
+        q: (dof,) coordinates.
+        qd: (dof,) rates.
+        gap: (closure_rows,) what is left of `Arm.closure_gaps`, m and rad.
+        mobility: coordinates of joints and base less equations of the closures (Grübler).
+        freedom: the same, with the number of independent equations in this posture: motions of the
+            rigid mechanism.
+    """
+
+    q: FloatArray
+    qd: FloatArray
+    gap: FloatArray
+    mobility: int
+    freedom: int
+
+
+@public_call
+def assembled(
+    arm: Arm, q: ArrayLike, qd: ArrayLike | None = None, *, held: Sequence[int] = ()
+) -> AssembledState:
+    """Compute a posture near a guess that closes the loops of a mechanism, and rates to match.
+
+    Args:
+        arm: the mechanism.
+        q: (dof,) guess, such as ``arm.rest(joint_angles)``.
+        qd: (dof,) rates; zero by default. Those of the joints and of the base change as little as
+            possible.
+        held: numbers of the joints whose angles, and rates, stay.
+
+    Raises:
+        InputError: if an argument has the wrong shape, ``held`` is not the numbers of joints that
+            can move, or the loops do not close.
+
+    Newton's method on joints and base, with the least change in each step and steps of at most
+    0.3 rad, so that a closed posture in the vicinity of the guess is found. Links bend only if
+    joints and base do not suffice, as with an additional crank of another length.
+    """
+    q = check_array("q", q, (arm.dof,)).copy()
+    qd = np.zeros(arm.dof) if qd is None else check_array("qd", qd, (arm.dof,)).copy()
+    fixed = held_joints(arm, held)
+    rigid = _rigid_coordinates(arm)
+    movable = np.setdiff1d(rigid, fixed)
+    mobility = rigid.size - arm.closure_rows
+    if not arm.closure_rows:
+        return AssembledState(q, qd, np.zeros(0), mobility, mobility)
+    guess = q.copy()
+    if not _close(arm, q, movable) <= _CLOSED:
+        if fixed.size and _close(arm, guess.copy(), rigid) <= _CLOSED:
+            raise _remaining(arm, q, "Hold fewer joints, or at other angles.")
+        bent = q.copy()
+        movable = np.union1d(movable, np.setdiff1d(np.arange(arm.dof), rigid))
+        if not _close(arm, bent, movable) <= _CLOSED or bending_warning(arm, bent):
+            raise _remaining(arm, q, "Check the lengths, or start from a posture that is closer.")
+        q = bent
+    J = _scaled_jacobian(arm, q)
+    _match_rates(arm, q, qd, movable)
+    freedom = rigid.size - _rank(J[:, rigid])
+    return AssembledState(q, qd, arm.closure_gaps(q), mobility, freedom)
+
+
+def _remaining(arm: Arm, q: FloatArray, hint: str) -> InputError:
+    """Return the error that the joints leave a gap at q."""
+    gaps = arm.closure_gaps(q)
+    gap = _gap(arm, gaps, int(np.argmax(np.abs(gaps / row_sizes(arm)))))
+    return InputError(Problem("the loops", f"cannot be closed: {gap} is left", hint=hint))
+
+
+def _scaled_jacobian(arm: Arm, q: FloatArray) -> FloatArray:
+    return np.asarray(arm.closure_jacobian(q) * coordinate_sizes(arm) / row_sizes(arm)[:, None])
+
+
+def _rank(scaled: FloatArray) -> int:
+    return int(np.linalg.matrix_rank(scaled, tol=_DEPENDENT)) if scaled.size else 0
+
+
+def _close(arm: Arm, q: FloatArray, movable: IntArray) -> float:
+    """Change q in the coordinates ``movable`` until the loops close; return the gap that is left.
+
+    Gaps are in units of the reach or one radian.
+    """
+    sizes, rows = coordinate_sizes(arm)[movable], row_sizes(arm)
+    ease = np.minimum(_FIRST * _ease(arm)[movable], 1.0)
+    best, reached, stalled = np.inf, q.copy(), 0
+    for _ in range(_ROUNDS):
+        gaps = arm.closure_gaps(q) / rows
+        size = float(np.max(np.abs(gaps)))
+        # Steps of limited length may pass postures with larger gaps.
+        stalled = 0 if size < 0.99 * best else stalled + 1
+        if size < best:
+            best, reached = size, q.copy()
+        if size <= _ROUNDING or stalled > _PATIENCE or not movable.size:
+            break
+        J = _scaled_jacobian(arm, q)[:, movable]
+        step = -ease * (np.linalg.pinv(J * ease, rcond=_DEPENDENT) @ gaps)
+        step *= min(1.0, _LARGEST / max(float(np.max(np.abs(step))), 1e-300))
+        q[movable] += sizes * step
+    q[:] = reached
+    return best
+
+
+def _match_rates(arm: Arm, q: FloatArray, qd: FloatArray, movable: IntArray) -> None:
+    """Change the rates ``movable`` as little as possible, so that the loops stay closed."""
+    sizes, J = coordinate_sizes(arm), _scaled_jacobian(arm, q)
+    ease = np.minimum(_FIRST * _ease(arm)[movable], 1.0)
+    to_rates = ease[:, None] * np.linalg.pinv(J[:, movable] * ease, rcond=_DEPENDENT)
+    qd[movable] -= sizes[movable] * (to_rates @ (J @ (qd / sizes)))
+    _refuse_rates(arm, "qd", J, qd, "Hold fewer joints.")

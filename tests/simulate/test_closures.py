@@ -1,0 +1,133 @@
+"""Runs of mechanisms with loops: gaps, agreement of methods, rigid limits, momentum, failures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flexarm as fa
+from closed_mechanisms import FOUR_BAR, Closed, cooperating_arms, four_bar, slider_crank
+from oracles.mechanisms import oracle_of
+
+
+def start(mechanism: Closed, crank_rate: float) -> tuple[fa.Arm, dict[str, Any]]:
+    """The arm and the start of a run with straight links and a rate of the first joint."""
+    arm = fa.Arm(**mechanism.fields)
+    rates = np.zeros(arm.joints)
+    rates[0] = crank_rate
+    state = fa.assembled(arm, arm.rest(mechanism.joints), arm.rest(rates), held=[1])
+    return arm, {"initial": state.q, "initial_rate": state.qd}
+
+
+def largest_gap(arm: fa.Arm, result: Any) -> float:
+    """The largest gap of all samples."""
+    return max(float(np.abs(arm.closure_gaps(q)).max()) for q in result.q.values)
+
+
+def test_rigid_four_bar_moves_and_pulls_as_in_closed_form() -> None:
+    torque, rate, duration = 0.4, 3.0, 2.0
+    arm, first = start(four_bar(0.7, flexible=False), rate)
+    run = fa.simulate(
+        arm, duration=duration, torque=lambda t: [torque, 0, 0], accuracy=1e-8, **first
+    )
+
+    def slope(t: float, y: np.ndarray) -> list[float]:
+        return [y[1], FOUR_BAR.motion(y[0], y[1], torque)[0][0]]
+
+    times = run.time.values
+    exact = solve_ivp(
+        slope, (0, duration), [0.7, rate], "DOP853", t_eval=times, rtol=1e-11, atol=1e-11
+    )
+    # The accuracy over the shortest link.
+    assert run.joint_angle[:, 0].values == pytest.approx(exact.y[0], abs=1e-8 / 0.3)
+    forces = [FOUR_BAR.motion(*y, torque)[1] for y in exact.y.T]
+    assert run.closure_force.values == pytest.approx(np.array(forces), rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("mechanism", [four_bar(), slider_crank(theory="second_order")])
+def test_methods_agree_and_keep_loops_and_energy(mechanism: Closed) -> None:
+    arm, first = start(mechanism, 2.0)
+    tips = []
+    for options in (
+        {"integrator": "dormand_prince_8", "accuracy": 1e-7},
+        {"integrator": "kennedy_carpenter_5", "accuracy": 1e-7},
+        {"integrator": "rk4", "step": 2e-5},
+    ):
+        run = fa.simulate(arm, duration=0.3, **first, **options)
+        tips.append(run.tip.values)
+        energy = (run.kinetic_energy + run.strain_energy + run.gravity_energy).values
+        assert largest_gap(arm, run) < 1e-9
+        assert np.ptp(energy) < 1e-6 * run.kinetic_energy.values.max()
+    assert tips[0] == pytest.approx(tips[1], abs=3e-7)
+    assert tips[0] == pytest.approx(tips[2], abs=3e-7)
+
+
+def test_momentum_of_two_arms_on_a_free_base_is_kept() -> None:
+    mechanism = cooperating_arms()
+    arm = fa.Arm(**{**mechanism.fields, "gravity": (0.0, 0.0)})
+    rates = np.zeros(arm.dof)
+    rates[:3] = 0.1, 0.2, 0.3
+    state = fa.assembled(arm, arm.rest(mechanism.joints), rates)
+    oracle = oracle_of(arm)
+    for options in ({}, {"integrator": "kennedy_carpenter_5"}, {"integrator": "rk4", "step": 1e-4}):
+        run = fa.simulate(
+            arm,
+            duration=1.0,
+            initial=state.q,
+            initial_rate=state.qd,
+            torque=lambda t: np.sin(3.0 * t) * np.array([0.3, -0.2, 0.1, 0.1])[: arm.joints],
+            **options,
+        )
+        samples = zip(run.q.values[::10], run.qd.values[::10], strict=True)
+        momentum = np.array([oracle.momentum(q, qd) for q, qd in samples])
+        # Rounding of sums over some thousand steps.
+        assert np.abs(momentum - momentum[0]).max() < 1e-12
+        assert largest_gap(arm, run) < 1e-9
+
+
+def flat_parallelogram(angle: float) -> tuple[fa.Arm, np.ndarray]:
+    """A rigid parallelogram with its crank at an angle, and its posture."""
+    bars = [fa.Link(length=x, mass_per_length=1.0, flexible=False) for x in (0.5, 1.0, 0.5)]
+    arm = fa.Arm(
+        links=[*bars[:2], bars[2].replace(parent=0)],
+        joints=[fa.Joint(), fa.Joint(), fa.Joint(offset=(1.0, 0.0))],
+        closures=[fa.Closure(link=2, to_link=3)],
+    )
+    return arm, arm.rest([angle, -angle, angle])
+
+
+def test_singular_posture_is_reported_with_its_time() -> None:
+    arm, posture = flat_parallelogram(0.5)  # flat after 0.5 s
+    with pytest.warns(fa.AccuracyWarning, match=r"singular posture at t = 0\.5 s"):
+        fa.simulate(arm, duration=1.0, initial=posture, initial_rate=-posture / 0.5)
+
+
+def test_start_in_a_singular_posture_ends_the_run() -> None:
+    arm, posture = flat_parallelogram(1e-6)
+    with pytest.raises(fa.SimulationError, match="singular"):
+        fa.simulate(arm, duration=1.0, initial=posture)
+
+
+def test_start_must_close_the_loops() -> None:
+    arm, first = start(four_bar(), 2.0)
+    with pytest.raises(fa.InputError, match=r"initial must close the loops.*closures\[0\]"):
+        fa.simulate(arm, duration=0.1)
+    with pytest.raises(fa.InputError, match="initial_rate must keep the loops closed"):
+        fa.simulate(arm, duration=0.1, initial=first["initial"], initial_rate=arm.rest([1, 0, 0]))
+    with pytest.raises(fa.InputError, match="integrator must be one of 'auto'"):
+        fa.simulate(arm, duration=0.1, integrator="cowell_4", **first)
+
+
+def test_reactions_and_accelerations_contain_closure_forces() -> None:
+    arm, first = start(four_bar(), 2.0)
+    run = fa.simulate(arm, duration=0.05, **first)
+    last = run.isel(time=-1)
+    forces = arm.closure_forces(last.q.values, last.qd.values, [0, 0, 0])
+    assert last.closure_force.values == pytest.approx(forces, rel=1e-9)
+    # The coupler between crank pin and rocker: its reaction and the closure accelerate it.
+    oracle = oracle_of(arm)
+    expected = oracle.at(last.q.values, last.qd.values, [0, 0, 0])
+    assert forces == pytest.approx(expected.closure_force, rel=1e-7)
