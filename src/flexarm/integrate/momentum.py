@@ -25,7 +25,7 @@ def is_alone(system: System) -> bool:
     drive = system.drive
     acting = drive.loads.body.shape[0] + drive.loads.contacts.body.shape[0]
     acting += drive.factor_coefficients.shape[2]
-    return acting == 0 and real(system.constants.arm[IS_FREE]) > 0.0
+    return bool(acting == 0 and real(system.constants.arm[IS_FREE]) > 0.0)
 
 
 @merged

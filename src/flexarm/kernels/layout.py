@@ -47,8 +47,8 @@ SEEN_COLUMNS = 11
 
 
 class Sizes(NamedTuple):
-    """Loop lengths, and the order of the bodies; the ``len`` of all fields but the last
-    two is a count.
+    """Loop lengths, and the order of the bodies; the ``len`` of all fields but the last two is a
+    count.
 
     With tuples the counts are part of the type: the compiler sees constants, and compiles once for
     every model size. With arrays they are run-time values: one compilation serves every size.
@@ -289,12 +289,14 @@ def empty_contacts(constants: ArmConstants, count: int, pieces: int) -> Contacts
 def run_time_sizes(constants: ArmConstants) -> Sizes:
     """Return sizes for code that is compiled once for all arms."""
     counts = _counts(constants)
-    return Sizes(*(np.zeros(count, dtype=np.int8) for count in counts), *_structure(constants))
+    arrays = (np.zeros(count, dtype=np.int8) for count in counts)
+    return Sizes._make((*arrays, *_structure(constants)))
 
 
 def compile_time_sizes(constants: ArmConstants) -> Sizes:
     """Return sizes for faster code that is compiled for this model size alone."""
-    return Sizes(*((0,) * count for count in _counts(constants)), *_structure(constants))
+    tuples = ((0,) * count for count in _counts(constants))
+    return Sizes._make((*tuples, *_structure(constants)))
 
 
 def _counts(constants: ArmConstants) -> tuple[int, ...]:

@@ -65,7 +65,7 @@ class BaseCoordinate(NamedTuple):
 
     name: str  # x, y or angle
     body: int  # index of the body that it moves; the last of them is the base itself
-    index: int  # index of the coordinate in q
+    place: int  # index of the coordinate in q
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +196,9 @@ def _parent(spec: ArmSpec, index: int) -> int:
 def _stations_of_children(spec: ArmSpec) -> list[tuple[float, ...]]:
     """Return, for each link, the stations (m) below its tip that carry links or closures."""
     stations: list[set[float]] = [set() for _ in spec.links]
-    points = [(_parent(spec, i), link.parent_station) for i, link in enumerate(spec.links)]
+    points: list[tuple[int | None, float | None]] = [
+        (_parent(spec, i), link.parent_station) for i, link in enumerate(spec.links)
+    ]
     for closure in spec.closures:
         points += [(closure.link, closure.station), (closure.to_link, closure.to_station)]
     for number, station in points:
@@ -486,7 +488,7 @@ def _place_payload_body(constants: ArmConstants, spec: ArmSpec) -> None:
 
 
 def _place_rigid_body(
-    constants: ArmConstants, i: int, mass: Any, inertia: Any, centre: tuple[Any, Any]
+    constants: ArmConstants, i: int, mass: Any, inertia: Any, centre: Sequence[Any]
 ) -> None:
     """Set body i to a rigid body; ``centre``: of mass, from its root."""
     x, y = centre

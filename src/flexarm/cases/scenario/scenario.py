@@ -123,7 +123,7 @@ def start_of(
         if followed.initial is not None and not chosen:
             q = followed.initial.copy()
             if asked.base_position is not None:
-                places = [coordinate.index for coordinate in arm.assembly.base]
+                places = [coordinate.place for coordinate in arm.assembly.base]
                 q[places] = arm.rest(angles, asked.base_position)[places]
             return Start(q, prescribed)
         return Start(arm.rest(angles, asked.base_position), prescribed)

@@ -307,10 +307,7 @@ def inward(
 
         # The outboard chain in series with the modes, moved to the root.
         W_tip = (Wxx, Wxy, Wyy, Wxw, Wyw, Www)
-        if len(sizes.tree) > 0:
-            Y = softened_by_factors(W_tip, N)
-        else:
-            Y = softened(W_tip, N)
+        Y = softened_by_factors(W_tip, N) if len(sizes.tree) > 0 else softened(W_tip, N)
         Yxx, Yxy, Yyy, Yxw, Yyw, Yww = Y
         ex = zx + Nxx * kx + Nxy * ky + Nxw * kw
         ey = zy + Nxy * kx + Nyy * ky + Nyw * kw

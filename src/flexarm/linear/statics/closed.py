@@ -119,7 +119,7 @@ def _closures_of(arm: Arm, rows: Sequence[int] | NDArray[np.intp]) -> str:
 
 def _rigid_coordinates(arm: Arm) -> IntArray:
     """Return the indices in q of the joints and of the base."""
-    base = [coordinate.index for coordinate in arm.assembly.base]
+    base = [coordinate.place for coordinate in arm.assembly.base]
     return np.array(sorted([*base, *arm.joint_index.tolist()]), dtype=np.intp)
 
 

@@ -510,7 +510,7 @@ def lowest_frequency(arm: Arm) -> float:
     from scipy.linalg import eigh
 
     constants = arm.assembly.constants
-    springless = [c.index for c in arm.assembly.base if constants.joint_stiffness[c.body] == 0.0]
+    springless = [c.place for c in arm.assembly.base if constants.joint_stiffness[c.body] == 0.0]
     elastic = np.setdiff1d(np.arange(arm.dof), [*arm.joint_index, *springless])
     if not elastic.size:
         return np.inf

@@ -303,7 +303,7 @@ def coordinates_of(
 def _coordinate_names(arm: Arm) -> tuple[str, ...]:
     names = [""] * arm.dof
     for coordinate in arm.assembly.base:
-        names[coordinate.index] = f"base_{coordinate.name}"
+        names[coordinate.place] = f"base_{coordinate.name}"
     for seat in arm.assembly.seats:
         names[seat.angle] = f"joint_{seat.link + 1}"
         if seat.twist is not None:

@@ -193,8 +193,8 @@ class Run:
 
         Returns:
             Motor torques (T, joints), joint forces (T, links, 2) in world axes, joint moments
-            (T, links), section forces (stations, T, links, 3) forces of closures (T, rows) and their
-            independence (T,) in the last column of these.
+            (T, links), section forces (stations, T, links, 3), and forces of closures (T, rows + 1)
+            with their independence in the last column.
         """
         arm, states = self.arm, self.samples[: len(times)]
         n = arm.assembly.bodies
