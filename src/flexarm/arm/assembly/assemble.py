@@ -382,7 +382,8 @@ def _place_joint(
         if joint.fixed:
             constants.joint_angle[first] = joint.mounting_angle + joint.rest_angle
         return
-    x, y = np.array(joint.axis) / np.hypot(*joint.axis)
+    axis = np.array(joint.axis or (1.0, 0.0))
+    x, y = axis / np.hypot(*axis)
     if joint.fixed:
         constants.place[first] = place + joint.rest_angle * np.array([x, y])
         return

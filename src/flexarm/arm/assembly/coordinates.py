@@ -159,7 +159,7 @@ class Coordinates:
             return q
         values = dict(zip(("x", "y", "angle"), check_array("base", base, (3,)), strict=True))
         for coordinate in self.assembly.base:
-            q[coordinate.index] = values.pop(coordinate.name)
+            q[coordinate.place] = values.pop(coordinate.name)
         for name, value in values.items():
             if value != 0.0:
                 rule = f"have {name} = 0, because the base is not free to move in it"

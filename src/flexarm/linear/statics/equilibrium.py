@@ -282,7 +282,7 @@ def loose_coordinates(arm: Arm, environment: Environment) -> list[int]:
     turning = bool(np.any(arm.spec.gravity)) or bool(environment.loads)
     stiffness = arm.assembly.constants.joint_stiffness
     return [
-        coordinate.index
+        coordinate.place
         for coordinate in arm.assembly.base
         if stiffness[coordinate.body] == 0.0 and not (coordinate.name == "angle" and turning)
     ]
@@ -471,9 +471,9 @@ class _Search:
         weight = math.hypot(*self.arm.spec.gravity) * total_mass(self.arm)
         size = weight + sum(math.hypot(*load.force) for load in self.loads)
         for coordinate in self.arm.assembly.base:
-            if coordinate.index in self.loose:
+            if coordinate.place in self.loose:
                 scale = size * (self.arm.reach if coordinate.name == "angle" else 1.0)
-                if abs(force[coordinate.index]) > _UNBALANCED * scale:
+                if abs(force[coordinate.place]) > _UNBALANCED * scale:
                     reason = f"no spring holds {coordinate.name} of the base against the loads."
                     raise EquilibriumError(0.0, q, reason)
 

@@ -231,7 +231,7 @@ def rigid_result(rigid: object, arm: Arm, result: xr.Dataset) -> RigidMotion | N
         q = np.zeros((len(angles), rigid_counterpart.dof))
         q[:, rigid_counterpart.joint_index] = angles
         for coordinate in arm.assembly.base:
-            q[:, coordinate.index] = result["q"].values[:, coordinate.index]
+            q[:, coordinate.place] = result["q"].values[:, coordinate.place]
         return RigidMotion(rigid_counterpart, result["time"].values, q)
     import xarray as xr
 
