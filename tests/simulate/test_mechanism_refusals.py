@@ -53,6 +53,7 @@ REFUSED = {
 OF_BASES = {
     "rigid_torque": lambda arm: fa.rigid_torque(arm, _motion(arm)),
     "ComputedTorque": lambda arm: fa.ComputedTorque(arm, frequency_hz=1.0),
+    "linearize_along": lambda arm: fa.linearize_along(arm, _motion(arm)),
     "LQG": lambda arm: fa.LQG(arm, np.zeros(arm.joints)),
     "DisturbanceObserver": lambda arm: fa.DisturbanceObserver(arm, fa.JointPD(1.0, 1.0)),
 }

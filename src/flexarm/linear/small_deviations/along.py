@@ -27,6 +27,7 @@ from flexarm.base.errors import InputError, Problem, check_array, public_call
 from flexarm.base.writing.places import check_place, write_whole
 from flexarm.integrate.implicit.gauss import gauss_coefficients
 from flexarm.linear.statics.gaps import warn_of_bristles
+from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.motion import Motion
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
@@ -257,6 +258,7 @@ def linearize_along(
     the jump.
     """
     motion = check_motion(motion, arm)
+    serial_only(arm.spec, "linearisation along a motion", UNDRIVEN)
     warn_of_bristles(arm, "the linear model")
     joints = check_choice("joints", joints, JOINTS)
     if times is None:
