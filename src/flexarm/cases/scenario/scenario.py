@@ -32,7 +32,7 @@ from flexarm.control.filters.kalman_filter import ExtendedKalmanFilter, Unscente
 from flexarm.control.filters.moving_horizon import MovingHorizonEstimator
 from flexarm.control.laws import CONTROLLERS
 from flexarm.integrate.base import FloatArray
-from flexarm.linear import equilibrium
+from flexarm.linear import assembled, equilibrium
 from flexarm.linear.bent_references import PressedMotion
 from flexarm.model import (
     AccelerationTable,
@@ -134,6 +134,17 @@ def start_of(
     with one_warning():  # the run warns of its states, including this one
         found = equilibrium(arm, angles, loads=loads, base_acceleration=base, contacts=contacts)
     return Start(found.q, prescribed, found.torque if asked.balance else None)
+
+
+def _closed_start(arm: Arm, options: dict[str, Any]) -> dict[str, Any]:
+    """Return the start near a given one that closes the loops.
+
+    Prescribed joints, and joints with a rate, stay as they are given.
+    """
+    q, rates = options["initial"], options.get("initial_rate", np.zeros(arm.dof))
+    moving = arm.joint_numbers[arm.joint_angles(rates) != 0.0].tolist()
+    closed = assembled(arm, q, rates, held=sorted({*options.get("prescribed", ()), *moving}))
+    return {"initial": closed.q, "initial_rate": closed.qd}
 
 
 def _load_at_start(load: Load) -> Load:
@@ -361,6 +372,9 @@ def prepare(
         options["initial_rate"] = arm.rest(joint_rate, velocity)
     if start.prescribed:
         options["prescribed"] = start.prescribed
+    if arm.closure_rows and not scenario.initial.equilibrium:
+        with problems_at(place, "initial", {"q": "joint_angle", "qd": "joint_rate"}):
+            options |= _closed_start(arm, options)
     with problems_at(place, "drive", {"torque": "values", "torque_interpolation": "interpolation"}):
         _set_drive(arm, scenario, motion, followed, start, options)
     check_fit(arm, scenario, place, options)

@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from flexarm.base.errors import InputError, Problem, shown
+from flexarm.cli.commands import mechanisms
+from flexarm.cli.commands.mechanisms import TEMPLATES
 from flexarm.cli.options import argument, flag
 from flexarm.cli.tables import print_line
 
@@ -17,15 +19,20 @@ MOST_LINKS = 8
 """With more links of this kind the gains below are too high for the sample time."""
 _WIDTH, _MATERIAL = 0.05, "aluminium"
 _MOTOR, _PAYLOAD = 0.4, 0.3
+_KINDS = ", ".join(TEMPLATES)
 
 
 def init(
     folder: Annotated[Path, argument("[FOLDER]", "Output folder; created if missing.")] = Path(),
     links: Annotated[int, typer.Option(min=1, max=MOST_LINKS, help="Number of links.")] = 2,
     gravity: Annotated[bool, flag("--gravity", "The arm moves in a vertical plane.")] = False,
+    mechanism: Annotated[str | None, typer.Option(help=f"Instead of an arm: {_KINDS}.")] = None,
 ) -> None:
     """Write a commented arm and scenario to start from: arm.yaml and scenario.yaml."""
     from flexarm.base.writing.places import check_folder, write_text
+
+    if mechanism is not None and mechanism not in TEMPLATES:
+        raise InputError(Problem("--mechanism", f"be one of {_KINDS}", shown(mechanism)))
 
     arm, scenario = folder / "arm.yaml", folder / "scenario.yaml"
     hint = "Give another folder: flexarm init FOLDER."
@@ -37,8 +44,11 @@ def init(
     if problems:
         raise InputError(*problems)
     check_folder("FOLDER", folder)
-    write_text(arm_text(links, gravity), arm)
-    write_text(scenario_text(links, gravity), scenario)
+    texts = arm_text(links, gravity), scenario_text(links, gravity)
+    if mechanism is not None:
+        texts = mechanisms.arm_text(mechanism), mechanisms.scenario_text(mechanism)
+    write_text(texts[0], arm)
+    write_text(texts[1], scenario)
     print_line(f"arm in {arm}")
     print_line(f"scenario in {scenario}")
     print_line(f"next: flexarm check {scenario}")

@@ -229,9 +229,10 @@ class InitialState(Record):
     """Initial state of the arm; by default at the start of the motion."""
 
     joint_angle: Listed[Number] | None = None
-    """Relative joint angles (rad)."""
+    """Relative joint angles (rad). Of an arm with closures, those near which its loops close."""
     joint_rate: Listed[Number] | None = None
-    """Relative joint rates (rad/s); zero by default."""
+    """Relative joint rates (rad/s); zero by default. With closures, joints whose rate is zero move
+    as the others require."""
     base_position: tuple[Number, Number, Number] | None = None
     """Position x, y and angle of a base that moves (m; m; rad), zero for those that are not free;
     zero by default."""
