@@ -107,14 +107,13 @@ class Motions(NamedTuple):
 def row_sizes(arm: Arm) -> FloatArray:
     """Return gaps (rows,) of equal size: the reach, and one radian for angles."""
     turns = arm.assembly.constants.ends[:, 0] == ROW_ANGLE
-    return np.where(turns, 1.0, float(arm.lengths.sum()))
+    return np.where(turns, 1.0, arm.reach)
 
 
 def _closures_of(arm: Arm, rows: Sequence[int] | NDArray[np.intp]) -> str:
     """Return the names of the closures to which rows belong."""
-    counts = [{"pin": 2, "weld": 3, "line": 1}[closure.kind] for closure in arm.spec.closures]
-    owners = np.repeat(np.arange(len(counts)), counts)
-    return ", ".join(f"arm.closures[{k}]" for k in sorted({int(owners[row]) for row in rows}))
+    numbers = sorted({arm.closure_numbers[row] for row in rows})
+    return ", ".join(f"arm.closures[{number - 1}]" for number in numbers)
 
 
 def _rigid_coordinates(arm: Arm) -> IntArray:
