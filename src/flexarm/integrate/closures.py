@@ -28,8 +28,9 @@ _DEPENDENT = 1e-10
 @merged
 def _largest(sizes: Sizes, work: Workspace, column: int) -> float:
     largest = 0.0
+    rows = work.closure
     for c in range(len(sizes.closures)):
-        largest = max(largest, abs(real(work.closure[c, column])))
+        largest = max(largest, abs(real(rows[c, column])))
     return largest
 
 

@@ -202,14 +202,13 @@ def inertia_left(system: System) -> bool:
 @merged
 def _furthest(sizes: Sizes, tolerance: Tolerance) -> Any:
     """Return the largest plausible displacement of the tip of a tree, in lengths of the scale."""
-    least = 1.0
-    turns = False
+    furthest: Any = 0.0 * tolerance.unit[0, 0, 0]
+    slides = 1.0  # whether all joints slide; the scale is then the reach
     for i in range(len(sizes.bodies)):
         if sizes.joints[i, 1] == 0:
-            unit = real(tolerance.unit[0, i, 0])
-            least = min(least, unit) if turns else unit
-            turns = True
-    return _ABSURD / least  # without a joint that turns, the scale is the reach
+            furthest = max(furthest, _ABSURD / tolerance.unit[0, i, 0])
+            slides = 0.0
+    return furthest + slides * _ABSURD
 
 
 @inner

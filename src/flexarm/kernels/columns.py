@@ -230,12 +230,12 @@ CLOSURE_WORK_COLUMNS = 11
     EXTRA,  # terms of its second derivative without accelerations
     RELATIVE,  # its second derivative without closure forces
     MULTIPLIER,  # lambda, N or N m
-    FIRST_WRENCH,  # on the section of the first point at a multiplier of one: x, y, w, world axes
-    _,
-    _,
-    SECOND_WRENCH,  # the same for the second point
-    _,
-    _,
+    FIRST_WRENCH_X,  # on the section of the first point at a multiplier of one, world axes
+    FIRST_WRENCH_Y,
+    FIRST_WRENCH_W,
+    SECOND_WRENCH_X,  # the same for the second point
+    SECOND_WRENCH_Y,
+    SECOND_WRENCH_W,
 ) = range(CLOSURE_WORK_COLUMNS)
 
 # ``Workspace.column`` (r, n, COLUMN_COLUMNS): each row as a bias of each body, axes of the body.

@@ -15,7 +15,8 @@ def combined(sizes, state, stages, weights, row, count, h, out):
 
 
 def sizes_of(bodies, modes):
-    return Sizes(np.zeros(bodies), np.zeros(modes), *(np.zeros(0) for _ in range(4)))
+    nothing, order = (np.zeros(0) for _ in range(6)), np.zeros((bodies, 2), np.int16)
+    return Sizes(np.zeros(bodies), np.zeros(modes), *nothing, order, np.zeros((0, 3), np.int16))
 
 
 def in_lanes(array):

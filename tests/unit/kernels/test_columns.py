@@ -17,8 +17,14 @@ CONSTANTS = {
     "body": (1, "BODY_COLUMNS"),
     "mode": (2, "MODE_COLUMNS"),
     "shortening": (3, "SHORTENING_COLUMNS"),
+    "closure": (1, "CLOSURE_COLUMNS"),
 }
-WORK = {"body": (1, "WORK_BODY_COLUMNS"), "mode": (2, "WORK_MODE_COLUMNS")}
+WORK = {
+    "body": (1, "WORK_BODY_COLUMNS"),
+    "mode": (2, "WORK_MODE_COLUMNS"),
+    "closure": (1, "CLOSURE_WORK_COLUMNS"),
+    "column": (2, "COLUMN_COLUMNS"),
+}
 #: Names of records in kernels.
 RECORDS = dict.fromkeys(("c", "k", "constants", "softened", "part"), CONSTANTS) | {"work": WORK}
 
@@ -82,6 +88,8 @@ def test_every_constant_has_one_view():
     of_runs = [columns.SLIDING, columns.HELD_TORQUE, columns.SLIP_TIME]  # kernels alone use them
     views = {name: v for name, v in vars(ArmConstants).items() if isinstance(v, Columns)}
     constants = empty_constants(2, 3, 3, 3)
+    assert constants.parent.tolist() == [-1.0, 0.0]  # of a serial arm
+    constants.parent[:] = 0.0
     for name in views:
         view = getattr(constants, name)
         assert np.all(view == 0.0), name
@@ -90,7 +98,7 @@ def test_every_constant_has_one_view():
     assert np.all(np.delete(constants.body, of_runs, axis=1) == 1.0)
     assert np.all(constants.mode == 1.0)
     assert np.all(constants.shortening == 1.0)
-    assert constants.arm.tolist() == [1.0, 1.0, 0.0, 0.0]
+    assert constants.arm.tolist() == [1.0, 1.0, 0.0, 0.0, 0.0, 0.0]
     assert not constants.has_joint_laws
     assert not constants.has_bristles
     constants.arm[columns.HAS_JOINT_LAWS] = 1.0

@@ -325,7 +325,7 @@ def _place_tree(
     """
     base = _place_base(constants, spec.base)
     carried = _stations_of_children(spec)
-    moved = {seat.link: seat.body for seat in seats}
+    moved = {seat.link: seat for seat in seats}
     bodies: list[list[Piece]] = [[] for _ in spec.links]
     for piece in pieces:
         bodies[piece.link].append(piece)
@@ -350,10 +350,13 @@ def _place_tree(
             constants.residual_tip[root] = 1.0, link.hub_radius, 0.0, 1.0
             constants.length[root] = link.hub_radius
             constants.place[root + 1] = -link.hub_radius, 0.0
-        first = moved.get(index, root)
+        first, last = root, root
+        if index in moved:
+            first = moved[index].body
+            last = first + (moved[index].twist is not None)
         constants.parent[first] = carrier
         constants.joint_angle[first] = joint.mounting_angle
-        _place_joint(constants, slice(first, first + 1 + joint.elastic), first, joint, place)
+        _place_joint(constants, slice(first, last + 1), first, joint, place)
     row = 0
     for closure in spec.closures:
         first, second = section(closure.link, closure.station), -1
@@ -368,9 +371,16 @@ def _place_tree(
     held = held or any(closure.to_link is None for closure in spec.closures)
     constants.arm[IS_FREE] = float(len(spec.base.free) == 3 and not held)
     serial = np.arange(constants.mass.size) - 1.0
-    moves = constants.slides.any() or constants.place.any() or row > 0
-    constants.arm[IS_TREE] = float(bool(moves or np.any(constants.parent != serial)))
+    # A symbol may be any number.
+    placed = not all(map(_is_zero, constants.place.flat))
+    tree = placed or row > 0 or np.any(constants.slides) or np.any(constants.parent != serial)
+    constants.arm[IS_TREE] = float(bool(tree))
     return carriers
+
+
+def _is_zero(number: Any) -> bool:
+    """Return whether a number is zero; a symbol is not."""
+    return isinstance(number, int | float | complex) and number == 0
 
 
 def _place_joint(

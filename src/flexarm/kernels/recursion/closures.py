@@ -33,14 +33,14 @@ from flexarm.kernels.recursion.symmetric import read_symmetric
 # isort: off
 from flexarm.kernels.columns import (
     BENT_N_XX, BIAS_KW, BIAS_KX, BIAS_KY, CARRIED_XX, CLOSURE_ANGLE, COSINE, DRIFT_W, DRIFT_X,
-    DRIFT_Y, EXTRA, FIRST_WRENCH, FIRST_X, FIRST_Y, FLEX_BIAS, GAIN_WK, GAIN_XK, GAIN_YK, GAP,
-    GAP_RATE, GRAVITY_X, GRAVITY_Y, JOINT_BIAS_X, JOINT_BIAS_Y, JOINT_DRIVE, JOINT_GIVEN,
-    JOINT_INVERSE, JOINT_UW, JOINT_UX, JOINT_UY, MEAN_LAG, MULTIPLIER, N_WW, N_YW, N_YY,
-    PASSED_DRIVE, PASSED_W, PASSED_X, PASSED_Y, RELATIVE, ROOT_FROM_X, ROOT_FROM_Y, SECOND_WRENCH,
-    SECOND_X, SECOND_Y, SINE, SLIDES, SLIDE_X, SLIDE_Y, TIP_RATE, TIP_SLOPE, TRANSFER_WW,
-    TRANSFER_WX, TRANSFER_WY, TRANSFER_XW, TRANSFER_XX, TRANSFER_XY, TRANSFER_YW, TRANSFER_YX,
-    TRANSFER_YY, WORLD_COSINE, WORLD_SINE, WORLD_TIP_ANGLE, WORLD_TIP_X, WORLD_TIP_X_RATE,
-    WORLD_TIP_Y, WORLD_TIP_Y_RATE,
+    DRIFT_Y, EXTRA, FIRST_WRENCH_W, FIRST_WRENCH_X, FIRST_WRENCH_Y, FIRST_X, FIRST_Y, FLEX_BIAS,
+    GAIN_WK, GAIN_XK, GAIN_YK, GAP, GAP_RATE, GRAVITY_X, GRAVITY_Y, JOINT_BIAS_X, JOINT_BIAS_Y,
+    JOINT_DRIVE, JOINT_GIVEN, JOINT_INVERSE, JOINT_UW, JOINT_UX, JOINT_UY, MEAN_LAG, MULTIPLIER,
+    N_WW, N_YW, N_YY, PASSED_DRIVE, PASSED_W, PASSED_X, PASSED_Y, RELATIVE, ROOT_FROM_X,
+    ROOT_FROM_Y, SECOND_WRENCH_W, SECOND_WRENCH_X, SECOND_WRENCH_Y, SECOND_X, SECOND_Y, SINE,
+    SLIDES, SLIDE_X, SLIDE_Y, TIP_RATE, TIP_SLOPE, TRANSFER_WW, TRANSFER_WX, TRANSFER_WY,
+    TRANSFER_XW, TRANSFER_XX, TRANSFER_XY, TRANSFER_YW, TRANSFER_YX, TRANSFER_YY, WORLD_COSINE,
+    WORLD_SINE, WORLD_TIP_ANGLE, WORLD_TIP_X, WORLD_TIP_X_RATE, WORLD_TIP_Y, WORLD_TIP_Y_RATE,
 )  # fmt: skip
 # isort: on
 
@@ -74,23 +74,23 @@ def _point(i: int, x: Any, y: Any, work: Workspace) -> Any:
 def closure_rows(sizes: Sizes, constants: ArmConstants, work: Workspace) -> None:
     """Fill gaps, their rates, velocity products and wrenches, after ``place_bodies``."""
     for c in range(len(sizes.closures)):
-        row, columns = work.closure, constants.closure
+        row = work.closure
         kind = sizes.ends[c, 0]
         ax, ay, avx, avy, aox, aoy, a_angle, wa = _point(
-            sizes.ends[c, 1], columns[c, FIRST_X], columns[c, FIRST_Y], work
+            sizes.ends[c, 1], constants.closure[c, FIRST_X], constants.closure[c, FIRST_Y], work
         )
         bx, by, bvx, bvy, box, boy, b_angle, wb = _point(
-            sizes.ends[c, 2], columns[c, SECOND_X], columns[c, SECOND_Y], work
+            sizes.ends[c, 2], constants.closure[c, SECOND_X], constants.closure[c, SECOND_Y], work
         )
         if kind == ROW_ANGLE:
-            turned = a_angle - b_angle - columns[c, CLOSURE_ANGLE]
+            turned = a_angle - b_angle - constants.closure[c, CLOSURE_ANGLE]
             row[c, GAP] = turned - 2.0 * math.pi * round(real(turned) / (2.0 * math.pi))
             row[c, GAP_RATE] = wa - wb
             row[c, EXTRA] = 0.0 * wa
             for p in range(6):
-                row[c, FIRST_WRENCH + p] = 0.0
-            row[c, FIRST_WRENCH + 2] = 1.0
-            row[c, SECOND_WRENCH + 2] = -1.0
+                row[c, FIRST_WRENCH_X + p] = 0.0
+            row[c, FIRST_WRENCH_W] = 1.0
+            row[c, SECOND_WRENCH_W] = -1.0
             continue
         dx, dy, ux, uy = ax - bx, ay - by, avx - bvx, avy - bvy
         nx, ny = 1.0 + 0.0 * wb, 0.0 * wb
@@ -98,8 +98,8 @@ def closure_rows(sizes: Sizes, constants: ArmConstants, work: Workspace) -> None
         if kind == ROW_Y:
             nx, ny = ny, nx
         elif kind == ROW_LINE:
-            nx = -sin(b_angle + columns[c, CLOSURE_ANGLE])
-            ny = cos(b_angle + columns[c, CLOSURE_ANGLE])
+            nx = -sin(b_angle + constants.closure[c, CLOSURE_ANGLE])
+            ny = cos(b_angle + constants.closure[c, CLOSURE_ANGLE])
             turn = wb
         lever = nx * dy - ny * dx  # (z x n) . d
         row[c, GAP] = nx * dx + ny * dy
@@ -107,14 +107,14 @@ def closure_rows(sizes: Sizes, constants: ArmConstants, work: Workspace) -> None
         extra = nx * (wb * wb * box - wa * wa * aox) + ny * (wb * wb * boy - wa * wa * aoy)
         extra += 2.0 * turn * (nx * uy - ny * ux) - turn * turn * row[c, GAP]
         row[c, EXTRA] = extra
-        row[c, FIRST_WRENCH] = nx
-        row[c, FIRST_WRENCH + 1] = ny
-        row[c, FIRST_WRENCH + 2] = aox * ny - aoy * nx
-        row[c, SECOND_WRENCH] = -nx
-        row[c, SECOND_WRENCH + 1] = -ny
-        row[c, SECOND_WRENCH + 2] = boy * nx - box * ny
+        row[c, FIRST_WRENCH_X] = nx
+        row[c, FIRST_WRENCH_Y] = ny
+        row[c, FIRST_WRENCH_W] = aox * ny - aoy * nx
+        row[c, SECOND_WRENCH_X] = -nx
+        row[c, SECOND_WRENCH_Y] = -ny
+        row[c, SECOND_WRENCH_W] = boy * nx - box * ny
         if kind == ROW_LINE:
-            row[c, SECOND_WRENCH + 2] += lever
+            row[c, SECOND_WRENCH_W] += lever
 
 
 @compiled
@@ -135,12 +135,12 @@ def _start_columns(sizes: Sizes, work: Workspace) -> None:
         for end in range(2):
             i = sizes.ends[c, 1 + end]
             if i >= 0:
-                fx = work.closure[c, FIRST_WRENCH + 3 * end]
-                fy = work.closure[c, FIRST_WRENCH + 3 * end + 1]
+                fx = work.closure[c, FIRST_WRENCH_X + 3 * end]
+                fy = work.closure[c, FIRST_WRENCH_Y + 3 * end]
                 cosine, sine = work.body[i, WORLD_COSINE], work.body[i, WORLD_SINE]
                 work.column[c, i, BIAS_KX] -= cosine * fx + sine * fy
                 work.column[c, i, BIAS_KY] -= cosine * fy - sine * fx
-                work.column[c, i, BIAS_KW] -= work.closure[c, FIRST_WRENCH + 3 * end + 2]
+                work.column[c, i, BIAS_KW] -= work.closure[c, FIRST_WRENCH_W + 3 * end]
 
 
 @merged
@@ -150,11 +150,11 @@ def closure_wrench(sizes: Sizes, c: int, i: int, work: Workspace) -> Any:
     for end in range(2):
         if sizes.ends[c, 1 + end] == i:
             force = work.closure[c, MULTIPLIER]
-            x = force * work.closure[c, FIRST_WRENCH + 3 * end]
-            y = force * work.closure[c, FIRST_WRENCH + 3 * end + 1]
+            x = force * work.closure[c, FIRST_WRENCH_X + 3 * end]
+            y = force * work.closure[c, FIRST_WRENCH_Y + 3 * end]
             fx += work.body[i, WORLD_COSINE] * x + work.body[i, WORLD_SINE] * y
             fy += work.body[i, WORLD_COSINE] * y - work.body[i, WORLD_SINE] * x
-            moment += force * work.closure[c, FIRST_WRENCH + 3 * end + 2]
+            moment += force * work.closure[c, FIRST_WRENCH_W + 3 * end]
     return fx, fy, moment
 
 
@@ -286,11 +286,11 @@ def meet_closures(
     last = len(sizes.bodies) - 1
     for c in range(len(sizes.closures)):
         # All accelerations contain minus gravity; the ground does not move, so give it back.
-        fx = work.closure[c, FIRST_WRENCH] + work.closure[c, SECOND_WRENCH]
-        fy = work.closure[c, FIRST_WRENCH + 1] + work.closure[c, SECOND_WRENCH + 1]
+        fx = work.closure[c, FIRST_WRENCH_X] + work.closure[c, SECOND_WRENCH_X]
+        fy = work.closure[c, FIRST_WRENCH_Y] + work.closure[c, SECOND_WRENCH_Y]
         if sizes.ends[c, 2] < 0:
-            fx = work.closure[c, FIRST_WRENCH]
-            fy = work.closure[c, FIRST_WRENCH + 1]
+            fx = work.closure[c, FIRST_WRENCH_X]
+            fy = work.closure[c, FIRST_WRENCH_Y]
         work.closure[c, RELATIVE] = work.closure[c, EXTRA] - fx * ground_x - fy * ground_y
         for d in range(c + 1):
             work.reaction[c, d] = 0.0
@@ -323,10 +323,10 @@ def closure_response(sizes: Sizes, constants: ArmConstants, work: Workspace) -> 
     for i in range(len(sizes.bodies)):
         for j in range(len(sizes.modes)):
             work.mode[i, j, FLEX_BIAS] = 0.0
-        for column in (
-            DRIFT_X, DRIFT_Y, DRIFT_W, GAIN_XK, GAIN_YK, GAIN_WK, JOINT_DRIVE, JOINT_GIVEN,
-            JOINT_BIAS_X, JOINT_BIAS_Y, MEAN_LAG,
-        ):  # fmt: skip
-            work.body[i, column] = 0.0
+        b = work.body
+        b[i, DRIFT_X] = b[i, DRIFT_Y] = b[i, DRIFT_W] = 0.0
+        b[i, GAIN_XK] = b[i, GAIN_YK] = b[i, GAIN_WK] = 0.0
+        b[i, JOINT_DRIVE] = b[i, JOINT_GIVEN] = b[i, MEAN_LAG] = 0.0
+        b[i, JOINT_BIAS_X] = b[i, JOINT_BIAS_Y] = 0.0
     _add_forces(sizes, work)
     spread(sizes, constants, 0.0, 0.0, work)

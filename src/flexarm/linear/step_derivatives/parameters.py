@@ -116,7 +116,11 @@ def constants_at(
     for path, value in values.items():
         spec = with_number(spec, path, value, checked=False)
     scales = [scales_of(arm.spec.links[i], spec.links[i]) for i in range(arm.links)]
-    return _scaled_constants(arm, spec, scales, dtype), _gauge_rows(arm, spec, scales, dtype)
+    constants = _scaled_constants(arm, spec, scales, dtype)
+    if constants.is_tree and not arm.assembly.constants.is_tree:
+        rule = "is not supported for an arm whose joints are all on the tips of links"
+        raise InputError(Problem(next(path for path in values if ".offset" in path), rule))
+    return constants, _gauge_rows(arm, spec, scales, dtype)
 
 
 def _scaled_constants(
