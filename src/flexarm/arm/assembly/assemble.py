@@ -367,7 +367,8 @@ def _place_tree(
             constants.ends[row] = kind, first, second
             constants.closure[row] = *closure.offset, *closure.to_offset, closure.angle
             row += 1
-    held = any((*spec.base.stiffness, *spec.base.damping, *spec.gravity))
+    acting = (*spec.base.stiffness, *spec.base.damping, *spec.gravity)
+    held = not all(map(_is_zero, acting))
     held = held or any(closure.to_link is None for closure in spec.closures)
     constants.arm[IS_FREE] = float(len(spec.base.free) == 3 and not held)
     serial = np.arange(constants.mass.size) - 1.0
