@@ -9,7 +9,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexarm as fa
-from closed_mechanisms import FOUR_BAR, Closed, cooperating_arms, four_bar, slider_crank
+from closed_mechanisms import (
+    FOUR_BAR,
+    SLIDER_CRANK,
+    Closed,
+    cooperating_arms,
+    four_bar,
+    slider_crank,
+)
 from oracles.mechanisms import oracle_of
 
 
@@ -105,8 +112,14 @@ def test_singular_posture_is_reported_with_its_time() -> None:
         fa.simulate(arm, duration=1.0, initial=posture, initial_rate=-posture / 0.5)
 
 
-def test_start_in_a_singular_posture_ends_the_run() -> None:
-    arm, posture = flat_parallelogram(1e-6)
+def test_start_in_a_singular_posture_is_refused() -> None:
+    arm, posture = flat_parallelogram(0.0)
+    with pytest.raises(fa.InputError, match=r"closures\[0\]"):
+        fa.simulate(arm, duration=1.0, initial=posture)
+
+
+def test_run_ends_close_to_a_singular_posture() -> None:
+    arm, posture = flat_parallelogram(3e-6)
     with (
         pytest.warns(fa.AccuracyWarning, match="singular"),
         pytest.raises(fa.SimulationError, match="singular"),
@@ -134,3 +147,75 @@ def test_reactions_and_accelerations_contain_closure_forces() -> None:
     oracle = oracle_of(arm)
     expected = oracle.at(last.q.values, last.qd.values, [0, 0, 0])
     assert forces == pytest.approx(expected.closure_force, rel=1e-7)
+
+
+def test_loops_with_controllers_start_closed() -> None:
+    light, first = start(four_bar(), 0.0)
+    joints = [light.spec.joints[0].replace(hub_inertia=0.05), *light.spec.joints[1:]]
+    arm = fa.Arm(light.spec.replace(joints=joints))
+    law = fa.JointPD(proportional=[50.0, 0.0, 0.0], derivative=[5.0, 0.0, 0.0])
+    posture = arm.joint_angles(first["initial"])
+    motion = fa.joint_motion(arm, posture, posture, 0.2)
+    with pytest.raises(fa.InputError, match="initial must close the loops"):
+        fa.simulate(arm, 0.1, controller=law, reference=motion, initial=arm.rest([1, 0, 0]))
+    run = fa.simulate(arm, 0.1, controller=law, reference=motion, initial=first["initial"])
+    assert largest_gap(arm, run) < 1e-9
+    # A rate gain that is too high for the light crank and the sample time.
+    law = fa.JointPD(proportional=[5.0, 0.0, 0.0], derivative=[0.5, 0.0, 0.0])
+    with pytest.warns(fa.FlexarmWarning) as warned:
+        fa.simulate(light, 0.02, controller=law, reference=motion, initial=first["initial"])
+    assert fa.UnstableLoopWarning in [each.category for each in warned]
+
+
+def test_prescribed_crank_turns_the_rigid_slider_crank() -> None:
+    arm, first = start(slider_crank(0.7, flexible=False), 6.0)
+    crank = fa.PrescribedAngle(lambda t: 0.7 + 6.0 * t, lambda t: 6.0, lambda t: 0.0)
+    with pytest.raises(fa.InputError, match="initial_rate must keep the loops closed"):
+        fa.simulate(arm, 0.1, initial=first["initial"], prescribed={1: crank})
+    run = fa.simulate(arm, 0.5, prescribed={1: crank}, **first)
+    for time, angles in zip(run.time.values[::50], run.joint_angle.values[::50], strict=True):
+        _, rod = SLIDER_CRANK.angles(0.7 + 6.0 * time)
+        assert angles[1] == pytest.approx(rod.value - angles[0], abs=1e-6)
+
+
+def test_a_change_of_mass_keeps_the_loops_closed() -> None:
+    arm, first = start(four_bar(0.7, flexible=False), 3.0)
+    change = fa.Change(path="payload.mass", at=0.2, to=2.0)
+    run = fa.simulate(arm, 0.25, changes=[change], accuracy=1e-8, rate=20000.0, **first)
+    after = int(np.searchsorted(run.time.values, 0.2, side="right"))
+    q, qd = run.q.values[after], run.qd.values[after]
+    # A fall of all rates by the impact, with the loop closed.
+    assert np.abs(arm.closure_jacobian(q) @ qd).max() < 1e-9
+    heavy = fa.Arm(arm.spec.replace(payload=fa.Payload(mass=2.0)))
+    bars = heavy.mass_matrix(run.q.values[after - 1])
+    before = run.qd.values[after - 1]
+    # Reduced to the crank: its momentum is that of the four-bar before.
+    motion = before / before[0]
+    inertia = motion @ arm.mass_matrix(run.q.values[after - 1]) @ motion
+    expected = inertia / (motion @ bars @ motion) * before[0]
+    assert qd[0] == pytest.approx(expected, rel=1e-3)  # a sample later
+    moved = fa.Change(path="joints[2].offset[0]", at=0.2, to=1.1)
+    with pytest.raises(fa.InputError, match="opens the loops"):
+        fa.simulate(arm, 0.4, changes=[moved], **first)
+
+
+def test_forces_of_closures_beyond_the_linear_theory_are_reported() -> None:
+    arm, first = start(four_bar(theory="linear"), 30.0)
+    with pytest.warns(fa.LargeDeflectionWarning) as warned:
+        fa.simulate(arm, 0.1, **first)
+    assert any("closure 1 loads link" in str(each.message) for each in warned)
+
+
+def test_dependent_closures_are_refused_before_a_run() -> None:
+    link = fa.Link(length=1.0, mass_per_length=0.5, flexural_rigidity=200.0, modes=3)
+    pinned = fa.Arm(links=[link], closures=[fa.Closure(link=1, to_offset=(1.0, 0.0))])
+    with pytest.raises(fa.InputError, match=r"closures\[0\]"):
+        fa.simulate(pinned, 0.1)
+
+
+def test_a_far_wall_does_not_change_a_four_bar() -> None:
+    arm, first = start(four_bar(), 2.0)
+    wall = fa.Contact(surface=fa.Wall(point=(50.0, 0.0), normal=(-1.0, 0.0)), stiffness=1e4)
+    alone = fa.simulate(arm, 0.05, **first)
+    beside = fa.simulate(arm, 0.05, contacts=[wall], **first)
+    np.testing.assert_allclose(beside.tip.values, alone.tip.values, rtol=0.0, atol=1e-9)

@@ -19,7 +19,7 @@ from flexarm.base.errors import check_array, check_result, public_call
 from flexarm.kernels.columns import GAP, MULTIPLIER
 from flexarm.kernels.derivatives.sensitivity import STEP, forward_jacobian, potential_hessian
 from flexarm.kernels.layout import Loads, no_loads
-from flexarm.kernels.recursion.closures import closure_gaps
+from flexarm.kernels.recursion.closures import ROWS, closure_gaps
 from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
 from flexarm.model import ArmSpec, Contact, Load
@@ -134,6 +134,8 @@ class Dynamics(Coordinates):
     ) -> FloatArray:
         """Return the generalised force (dof,) required for a motion: M qdd + bias.
 
+        It does not contain the forces of closures: subtract ``closure_jacobian(q).T @ forces``.
+
         Its entries at ``joint_index`` are joint torques (N m). Arguments as in
         ``forward_dynamics``; theory page "recursion", (R.15) to (R.17).
         """
@@ -208,9 +210,8 @@ class Dynamics(Coordinates):
     @property
     def closure_numbers(self) -> list[int]:
         """Number of the closure of each row, (closure_rows,), as given in ``closures``."""
-        rows = {"pin": 2, "weld": 3, "line": 1}
         closures = enumerate(self.spec.closures, start=1)
-        return [number for number, closure in closures for _ in range(rows[closure.kind])]
+        return [number for number, closure in closures for _ in ROWS[closure.kind]]
 
     @public_call
     def closure_gaps(self, q: ArrayLike) -> FloatArray:

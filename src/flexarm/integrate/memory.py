@@ -32,9 +32,9 @@ CLOCK_PLACES = 22
     RISE,  # N m/s, of the torque beyond the breakaway torque, if it slips
     WHOLE,  # s, step before it was shortened to end there, or 0
     KEPT,  # 1.0 if the momentum of a free mechanism is kept, else 0.0
-    MOMENTUM,  # N s along x and y, N m s about the world's origin
-    _,
-    _,
+    MOMENTUM_X,  # N s
+    MOMENTUM_Y,
+    MOMENTUM_W,  # N m s about the world's origin
 ) = range(CLOCK_PLACES)
 
 #: Indices of ``Memory.counts``.

@@ -11,7 +11,7 @@ from typing import Any
 
 from flexarm.integrate.base import System
 from flexarm.integrate.closures import close_state
-from flexarm.integrate.memory import KEPT, MOMENTUM, Memory
+from flexarm.integrate.memory import KEPT, MOMENTUM_W, MOMENTUM_X, MOMENTUM_Y, Memory
 from flexarm.kernels.columns import IS_FREE, MULTIPLIER
 from flexarm.kernels.compilation.cache import apart, merged
 from flexarm.kernels.compilation.numbers import real
@@ -64,14 +64,14 @@ def keep_momentum(system: System, memory: Memory, state: Array) -> None:
             state[1, i, j] = rates[i, j]
     if clock[KEPT] == 0.0:
         clock[KEPT] = 1.0
-        clock[MOMENTUM] = real(px)
-        clock[MOMENTUM + 1] = real(py)
-        clock[MOMENTUM + 2] = real(turn)
+        clock[MOMENTUM_X] = real(px)
+        clock[MOMENTUM_Y] = real(py)
+        clock[MOMENTUM_W] = real(turn)
         return
     # Missing momentum: in x and y, and about the origin of the base.
-    dx = clock[MOMENTUM] - px
-    dy = clock[MOMENTUM + 1] - py
-    about = clock[MOMENTUM + 2] - turn - x * dy + y * dx
+    dx = clock[MOMENTUM_X] - px
+    dy = clock[MOMENTUM_Y] - py
+    about = clock[MOMENTUM_W] - turn - x * dy + y * dx
     spin = (about - (ax * dx + ay * dy) / mass) / (inertia - (ax * ax + ay * ay) / mass)
     state[1, 2, 0] += spin
     state[1, 0, 0] += (dx - ax * spin) / mass

@@ -20,11 +20,8 @@ from flexarm.arm.beams.properties import interpolation_error
 from flexarm.base.errors import InputError
 from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS, IS_FREE, IS_TREE
 from flexarm.kernels.layout import ArmConstants, empty_constants
-from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_LINE, ROW_X, ROW_Y
+from flexarm.kernels.recursion.closures import ROWS
 from flexarm.model import ArmSpec, Base, Joint, Link, RayleighDamping
-
-#: Equations of each kind of closure.
-_ROWS = {"pin": 2, "weld": 3, "line": 1}
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -274,7 +271,7 @@ def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
     second_order = spec.theory == "second_order"
     g = m if second_order else 0
     c = m if bristles or any(np.any(piece.shapes.rotary) for piece in pieces) else 0
-    rows = sum(_ROWS[closure.kind] for closure in spec.closures)
+    rows = sum(len(ROWS[closure.kind]) for closure in spec.closures)
     constants = empty_constants(n, m, c, g, rows)
     constants.arm[HAS_JOINT_LAWS] = float(
         any(joint.friction or joint.limits or joint.rotor_inertia for joint in spec.joints)
@@ -316,67 +313,84 @@ def place_joints_and_payload(
         constants.tip_inertia[-1] += spec.payload.inertia
 
 
+class _Sections:
+    """Bodies on whose tip sections joints and closures sit; -1 is the ground."""
+
+    def __init__(self, spec: ArmSpec, pieces: Sequence[Piece], base: int) -> None:
+        self._spec, self._base = spec, base
+        self.pieces: list[list[Piece]] = [[] for _ in spec.links]
+        for piece in pieces:
+            self.pieces[piece.link].append(piece)
+
+    def at(self, number: int | None, station: float | None) -> int:
+        """Return the body of a station (m) of a link by its number; 0: the base, None: the ground.
+
+        Without a station, it is the tip.
+        """
+        if number is None:
+            return -1
+        if number == 0:
+            return self._base
+        pieces = self.pieces[number - 1]
+        if station is None or station >= self._spec.links[number - 1].length:
+            return pieces[-1].body
+        before = [piece for piece in pieces if piece.start < station * (1.0 - 1e-9)]
+        return before[-1].body if before else pieces[0].body - 1
+
+
 def _place_tree(
     constants: ArmConstants, spec: ArmSpec, pieces: Sequence[Piece], seats: Sequence[Seat]
 ) -> list[int]:
-    """Set the base, and parents, places and slides of all joints; return the carriers of links.
-
-    A carrier is the body whose tip section carries the joint of a link; -1 is the ground.
-    """
-    base = _place_base(constants, spec.base)
-    carried = _stations_of_children(spec)
-    moved = {seat.link: seat for seat in seats}
-    bodies: list[list[Piece]] = [[] for _ in spec.links]
-    for piece in pieces:
-        bodies[piece.link].append(piece)
-
-    def section(number: int, station: float | None) -> int:
-        """Return the body on whose tip a point of a link lies."""
-        if number == 0:
-            return base
-        own = bodies[number - 1]
-        if station is None or station >= spec.links[number - 1].length:
-            return own[-1].body
-        before = [p for p in own if p.start < station * (1.0 - 1e-9)]
-        return before[-1].body if before else own[0].body - 1
-
+    """Set the base, joints and closures of a tree; return the bodies that carry the links."""
+    sections = _Sections(spec, pieces, _place_base(constants, spec.base))
+    stations = _stations_of_children(spec)
+    motors = {seat.link: seat for seat in seats}
     carriers = []
     for index, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
-        carrier, place = section(_parent(spec, index), link.parent_station), np.array(joint.offset)
+        carrier = sections.at(_parent(spec, index), link.parent_station)
         carriers.append(carrier)
-        root = bodies[index][0].body - (0.0 in carried[index])
-        if 0.0 in carried[index]:
+        first = last = sections.pieces[index][0].body
+        if 0.0 in stations[index]:
+            first = last = first - 1
             # Its tip is the root of the link; the body of the link goes back to the joint.
-            constants.residual_tip[root] = 1.0, link.hub_radius, 0.0, 1.0
-            constants.length[root] = link.hub_radius
-            constants.place[root + 1] = -link.hub_radius, 0.0
-        first, last = root, root
-        if index in moved:
-            first = moved[index].body
-            last = first + (moved[index].twist is not None)
+            constants.residual_tip[first] = 1.0, link.hub_radius, 0.0, 1.0
+            constants.length[first] = link.hub_radius
+            constants.place[first + 1] = -link.hub_radius, 0.0
+        if index in motors:
+            first = motors[index].body
+            last = first + (motors[index].twist is not None)
         constants.parent[first] = carrier
         constants.joint_angle[first] = joint.mounting_angle
-        _place_joint(constants, slice(first, last + 1), first, joint, place)
+        _place_joint(constants, slice(first, last + 1), first, joint, np.array(joint.offset))
+    _place_closures(constants, spec, sections)
+    _set_kind(constants, spec)
+    return carriers
+
+
+def _place_closures(constants: ArmConstants, spec: ArmSpec, sections: _Sections) -> None:
+    """Set the rows of closures."""
     row = 0
     for closure in spec.closures:
-        first, second = section(closure.link, closure.station), -1
-        if closure.to_link is not None:
-            second = section(closure.to_link, closure.to_station)
-        kinds = {"pin": (ROW_X, ROW_Y), "weld": (ROW_X, ROW_Y, ROW_ANGLE), "line": (ROW_LINE,)}
-        for kind in kinds[closure.kind]:
+        first = sections.at(closure.link, closure.station)
+        second = sections.at(closure.to_link, closure.to_station)
+        for kind in ROWS[closure.kind]:
             constants.ends[row] = kind, first, second
             constants.closure[row] = *closure.offset, *closure.to_offset, closure.angle
             row += 1
-    acting = (*spec.base.stiffness, *spec.base.damping, *spec.gravity)
-    held = not all(map(_is_zero, acting))
-    held = held or any(closure.to_link is None for closure in spec.closures)
-    constants.arm[IS_FREE] = float(len(spec.base.free) == 3 and not held)
+
+
+def _set_kind(constants: ArmConstants, spec: ArmSpec) -> None:
+    """Set whether an arm is a tree, and whether only loads and contacts change its momentum."""
+    external = (*spec.base.stiffness, *spec.base.damping, *spec.gravity)
+    grounded = any(closure.to_link is None for closure in spec.closures)
+    alone = len(spec.base.free) == 3 and not grounded and all(map(_is_zero, external))
+    constants.arm[IS_FREE] = float(alone)
     serial = np.arange(constants.mass.size) - 1.0
+    tree = bool(spec.closures) or bool(np.any(constants.slides))
+    tree = tree or bool(np.any(constants.parent != serial))
     # A symbol may be any number.
-    placed = not all(map(_is_zero, constants.place.flat))
-    tree = placed or row > 0 or np.any(constants.slides) or np.any(constants.parent != serial)
-    constants.arm[IS_TREE] = float(bool(tree))
-    return carriers
+    tree = tree or not all(map(_is_zero, constants.place.flat))
+    constants.arm[IS_TREE] = float(tree)
 
 
 def _is_zero(number: Any) -> bool:

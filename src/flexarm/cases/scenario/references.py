@@ -21,6 +21,7 @@ from flexarm.linear.bent_references import (
     quasi_static_reference,
 )
 from flexarm.model import Scenario
+from flexarm.model.arm.spec import UNDRIVEN
 from flexarm.model.drives import (
     ControllerDrive,
     FlexibleTorqueDrive,
@@ -164,7 +165,7 @@ def reference_of(arm: Arm, drive: ControllerDrive, motion: TaskReference | None)
         if kind == "tip_inversion":
             inverse = tip_inversion(arm, motion)
             return Followed(inverse.reference, kind, inverse.torque, inverse.initial)
-    return _rigid(arm, motion)
+    return _rigid(arm, motion, followed=True)
 
 
 def torque_of(arm: Arm, drive: Any, motion: Motion) -> Followed:
@@ -190,14 +191,18 @@ def torque_of(arm: Arm, drive: Any, motion: Motion) -> Followed:
 def _bent_or_rigid(arm: Arm, motion: Motion) -> Followed:
     """Return the quasi-static reference, or the rigid one with the reason."""
     if arm.dof == arm.joints:
-        return _rigid(arm, motion)
+        return _rigid(arm, motion, followed=True)
     try:
         return _quasi_static(arm, motion)
     except FlexarmError as error:
-        return _rigid(arm, motion, f": {error}")
+        return _rigid(arm, motion, f": {error}", followed=True)
 
 
-def _rigid(arm: Arm, motion: Motion, reason: str = "") -> Followed:
+def _rigid(arm: Arm, motion: Motion, reason: str = "", followed: bool = False) -> Followed:
+    """Return a motion with its rigid torque; without it if a controller only follows the motion of
+    an arm whose joints do not determine the rigid posture."""
+    if followed and not set(UNDRIVEN).isdisjoint(arm.spec.features):
+        return Followed(motion, f"rigid{reason}")
     return Followed(motion, f"rigid{reason}", rigid_torque(arm, motion))
 
 

@@ -7,7 +7,7 @@ from math import log, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from flexarm.base.errors import InputError, Problem
+from flexarm.base.errors import FlexarmError, InputError, Problem
 from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.options import Sets, argument, changed_document
 from flexarm.cli.tables import console, facts
@@ -93,12 +93,27 @@ def _about_prepared(prepared: Prepared, poles: Sequence[LoopPole]) -> Rows:
     """Return the rows of a scenario."""
     arm, options = prepared.arm, prepared.options
     angles = arm.joint_angles(options["initial"])
-    rows = _about_vibration(arm, angles, prepared.sample_time)
+    if arm.closure_rows:
+        rows = _about_closed(arm, options["initial"])
+    else:
+        rows = _about_vibration(arm, angles, prepared.sample_time)
     rows += _about_integrator(arm, options)
     if prepared.sample_time is not None:
         missing = "not analysed: the controller or an instrument does not permit it"
         rows.append(("loop", "; ".join(map(_pole, poles)) or missing))
     return rows
+
+
+def _about_closed(arm: Arm, q: FloatArray) -> Rows:
+    """Return the frequencies of a closed mechanism at the start q (dof,) with joints that move."""
+    from flexarm.linear import modes
+
+    try:
+        frequencies = modes(arm, q=q, joints="free").frequency_hz
+    except FlexarmError as error:
+        return [("frequencies", f"not computed: {error}")]
+    listed = ", ".join(f"{frequency:.4g}" for frequency in frequencies[:_MOST_FREQUENCIES])
+    return [("frequencies", f"{listed} Hz with the joints free, at the start")]
 
 
 def _about_vibration(
@@ -112,6 +127,8 @@ def _about_vibration(
     )
     from flexarm.linear import modes
 
+    if arm.closure_rows:
+        return [("frequencies", "depend on the posture that closes the loops: check a scenario")]
     frequencies = modes(arm, angles).frequency_hz
     frequencies = frequencies[frequencies > 0.0]
     if not frequencies.size:

@@ -18,7 +18,7 @@ _BAR = """\
       length: 0.9
       material: steel
       section: {kind: rectangle, width: 0.02, height: 0.003}  # height: depth in the plane
-      modes: 2
+      modes: 3                   # a closure at the tip needs one of them
       damping: {kind: modal, ratio: 0.01}"""
 _CRANK = """\
     - length: 0.3

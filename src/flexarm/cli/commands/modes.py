@@ -86,8 +86,13 @@ def modes(
         _show_tracks(tracks, text, csv, plot)
     else:
         with one_warning() as warnings:  # printed below in one line
-            about = linear.equilibrium(model, posture) if sag else posture
-            vibration = linear.modes(model, about, condition, spin=spin)
+            if model.closure_rows:  # near the angles
+                q = linear.assembled(model, model.rest(posture or np.zeros(model.joints))).q
+                state = linear.equilibrium(model, start=q) if sag else q
+                vibration = linear.modes(model, None, condition, q=state)
+            else:
+                about = linear.equilibrium(model, posture) if sag else posture
+                vibration = linear.modes(model, about, condition, spin=spin)
         if warning := next(filter(None, warnings), ""):
             warn(warning)
         place = f", at {listed(posture)} rad" if posture else ""

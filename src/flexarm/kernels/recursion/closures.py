@@ -46,6 +46,8 @@ from flexarm.kernels.columns import (
 
 #: Kinds of rows in ``Sizes.ends``: equal x or y of both points, equal angles, a point on a line.
 ROW_X, ROW_Y, ROW_ANGLE, ROW_LINE = range(4)
+#: Rows of each kind of closure.
+ROWS = {"pin": (ROW_X, ROW_Y), "weld": (ROW_X, ROW_Y, ROW_ANGLE), "line": (ROW_LINE,)}
 
 
 @merged

@@ -321,6 +321,32 @@ class Acting:
 _of_arms: WeakKeyDictionary[Arm, AxialLoads] = WeakKeyDictionary()
 
 
+def closure_warning(arm: Arm, forces: FloatArray) -> str:
+    """Describe the largest force of a closure beside the buckling load of its links; "" if small.
+
+    ``forces`` (samples, rows), N. It may act along a link, whatever its direction is now.
+    """
+    if arm.spec.theory != "linear" or not forces.size:
+        return ""
+    gains = dict.fromkeys(range(arm.links), 0.0)
+    for piece in arm.assembly.pieces:
+        if piece.shapes.w2.size:
+            gains[piece.link] = max(gains[piece.link], _gains(piece)[0])
+    numbers, largest = np.array(arm.closure_numbers), np.abs(forces).max(axis=0)
+    for number, closure in enumerate(arm.spec.closures, start=1):
+        rows = np.flatnonzero(numbers == number)[:2]  # not the moment of a weld
+        force = float(np.hypot.reduce(largest[rows]))
+        for link in (closure.link, closure.to_link or 0):
+            share = force * gains.get(link - 1, 0.0)
+            if share > LARGEST_SHARE:
+                return (
+                    f"closure {number} loads link {link} with a force of up to {share:.3g} times "
+                    "the load under which the link with a free tip buckles. The linear theory "
+                    f"neglects its effect on bending. Use theory='second_order'; {_PAGE}"
+                )
+    return ""
+
+
 def axial_warning(arm: Arm, times: FloatArray, states: FloatArray, acting: Acting) -> str:
     """Describe the largest axial load that the theory of an arm neglects; empty if small."""
     if arm.spec.theory != "linear":

@@ -22,15 +22,17 @@ from flexarm.base.arguments import check_posture
 from flexarm.base.errors import (
     FlexarmError,
     InputError,
+    LargeDeflectionWarning,
     Problem,
     check_array,
     few,
     public_call,
     shown,
+    warn_caller,
 )
 from flexarm.base.notebook import html_table
 from flexarm.kernels.derivatives.tangent import inverse_jacobian
-from flexarm.linear.statics.axial import geometric_stiffness, warn_of_theory
+from flexarm.linear.statics.axial import closure_warning, geometric_stiffness, warn_of_theory
 from flexarm.linear.statics.closed import (
     Motions,
     held_joints,
@@ -269,6 +271,8 @@ def equilibrium(
     else:
         found = search.best(q, free=bool(np.isin(arm.joint_index, search.unknown).any()))
     warn_of_theory(arm, found.q, found.environment)
+    if text := closure_warning(arm, found.closure_forces[None]):
+        warn_caller(text, LargeDeflectionWarning)
     return found
 
 

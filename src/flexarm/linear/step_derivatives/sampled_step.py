@@ -33,6 +33,7 @@ from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Workspace
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.parameters import constants_at, constants_by, same_arrays
+from flexarm.model.arm.spec import serial_only
 from flexarm.model.paths import number_at, with_number
 from flexarm.model.quantities import Positive
 
@@ -93,6 +94,7 @@ def step_jacobian(
     Chained over steps they give the derivative of a whole run of ``simulate`` from straight links.
     Computed by complex perturbation of the kernels of the integrator; (D.15).
     """
+    serial_only(arm.spec, "step_jacobian", ("closures",))
     warn_of_bristles(arm, "the step")
     parameters = check_list_of("parameters", parameters, str)
     state = [check_array(n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]

@@ -387,7 +387,7 @@ def _along(arm: Arm, q: FloatArray, shapes: FloatArray, placed: Any) -> FloatArr
 #: Squared frequencies below this fraction of the shift are rounding errors of rigid-body modes.
 _ZERO = 1e-10
 #: Stiffness over mass below this fraction of the largest is rounding error of a rigid-body mode.
-_NOISE = 1e-16
+_NOISE = 1e-18
 #: Modal damping below this fraction of the largest is rounding error.
 _NONE = 1e-13
 

@@ -34,6 +34,7 @@ from flexarm.simulation.calls.limits import limits_of_run, notices_of
 from flexarm.simulation.calls.preparation import (
     Situation,
     Torque,
+    check_loops,
     restarted,
     start_of,
     torque_history,
@@ -445,7 +446,10 @@ class OpenLoop:
         """Return the initial state (2, n, 1 + m) of run k."""
         with self._batch.users:  # the motion of a torque may be a function of the user
             own = self._batch.runs
-            return start_of(arm, *own.state_of(k), None, own.item("torques", k))
+            state = start_of(arm, *own.state_of(k), None, own.item("torques", k))
+            if arm.closure_rows:
+                check_loops(arm, state, ())
+            return state
 
     def history(self, k: int, arm: Arm, state: FloatArray, relative: float) -> PiecewiseCubic:
         """Return the torque of run k for a relative tolerance; sets prescribed joints in ``state``.

@@ -35,6 +35,7 @@ from flexarm.integrate.memory import (
     STEPS,
     TOUCHES,
 )
+from flexarm.kernels.columns import IS_FREE
 from flexarm.kernels.compilation.packs import COMPILED
 from flexarm.kernels.layout import ArmConstants, Array, Contacts, Loads, run_time_sizes
 from flexarm.model.scenarios.scenario import DURATION
@@ -82,11 +83,15 @@ def fits_lanes(batch: Batch) -> bool:
 
 
 def arm_fits_lanes(arm: Arm) -> bool:
-    """Return whether lanes support the arm: no joint stops, bristles, sticking or closures."""
+    """Return whether lanes support the arm.
+
+    They do not support joint stops, bristles, sticking, closures and conserved momentum.
+    """
     free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
     assembly = arm.assembly
     followed = assembly.has_bristles or assembly.has_sticking or arm.closure_rows
-    return COMPILED and all(free) and not followed
+    isolated = assembly.constants.arm[IS_FREE] > 0.0  # its momentum is kept
+    return COMPILED and all(free) and not followed and not isolated
 
 
 class Ready(NamedTuple):

@@ -34,7 +34,7 @@ from flexarm.base.errors import (
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Change, Contact, Hardware, Load
-from flexarm.simulation.calls.preparation import initial_state, new_run
+from flexarm.simulation.calls.preparation import check_loops, initial_state, new_run
 from flexarm.simulation.loop.control_loop import RunLoop
 from flexarm.simulation.loop.devices import TipMotion
 from flexarm.simulation.run.contacts import refuse_deep_start
@@ -172,6 +172,8 @@ class Plant:
         arm, hardware = self.arm, self._hardware
         straight = np.zeros(arm.joints)
         state = initial_state(arm, initial, initial_rate, straight)
+        if arm.closure_rows:
+            check_loops(arm, state, ())
         if seed is not None:
             check_count("seed", seed, least=0, most=2**63 - 1)
         if hardware is not None and seed is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from inspect import signature
@@ -25,7 +25,7 @@ from flexarm.base.errors import InputError, Problem, check_array, shown, unknown
 from flexarm.base.user_functions import call
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.integrate.base import FloatArray, Progress
-from flexarm.linear.statics.closed import refuse_moving_apart, refuse_open
+from flexarm.linear.statics.closed import independent_motions, refuse_moving_apart, refuse_open
 from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.plausible import Number, Range, judge, weights
 from flexarm.model.scenarios.scenario import sample_fault
@@ -155,7 +155,10 @@ class Situation:
     def start(self) -> FloatArray:
         """Initial state (2, n, 1 + m), by default at the start of the motion."""
         given = self.initial, self.initial_rate, self.reference, self.torque
-        return start_of(self.simulated, *given)
+        state = start_of(self.simulated, *given)
+        if self.simulated.closure_rows and not self.prescribed:
+            check_loops(self.simulated, state, ())
+        return state
 
     @property
     def interpolation(self) -> str:
@@ -302,7 +305,23 @@ def torque_history(
         interpolation = settings.torque_interpolation
         history = sampled_torque(torque, settings.rate, duration, joints, interpolation, breaks)
     prescribed = situation.prescribed or {}
-    return prescribe(arm, prescribed, state, history, duration, relative, breaks, spacing)
+    driven = prescribe(arm, prescribed, state, history, duration, relative, breaks, spacing)
+    if arm.closure_rows and prescribed:
+        check_loops(arm, state, prescribed)
+    return driven
+
+
+def check_loops(arm: Arm, state: FloatArray, prescribed: Collection[int]) -> None:
+    """Raise unless a state closes all loops, keeps them closed, and leaves closures independent.
+
+    Joints with a prescribed motion do not help to close a loop.
+    """
+    q, qd = arm.unpadded(state)
+    refuse_open(arm, "initial", q)
+    refuse_moving_apart(arm, "initial_rate", q, qd)
+    joints = zip(arm.joint_index.tolist(), arm.joint_numbers.tolist(), strict=True)
+    held = [index for index, number in joints if number in prescribed]
+    independent_motions(arm, q, np.setdiff1d(np.arange(arm.dof), held))
 
 
 def integrator_of(arm: Arm, **arguments: Any) -> Choice:
@@ -487,6 +506,4 @@ def initial_state(
         hint = "Arm.rest(joint_rates) gives the rates of straight links."
         rule = f"have shape ({arm.dof},) for the rates of the coordinates"
         raise InputError(Problem("initial_rate", rule, f"shape {rates.shape}", hint))
-    refuse_open(arm, "initial", given)
-    refuse_moving_apart(arm, "initial_rate", given, rates)
     return arm.padded(np.stack([given, rates]))

@@ -14,8 +14,9 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.observe import bristle_channel, channels_of, contact_channels
-from flexarm.base.errors import AccuracyWarning, warn_caller
+from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, warn_caller
 from flexarm.integrate.base import FloatArray
+from flexarm.linear.statics.axial import closure_warning
 from flexarm.model import file_text
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.stepping import Run, section_channels
@@ -53,7 +54,8 @@ def _channels_of_span(
 ) -> dict[str, FloatArray]:
     count = run.progress.sample
     times, states = run.sample_times[:count], run.samples[:count]
-    if names is not None and not run.prescribed and not BY_FORCES.intersection(names):
+    by_forces = names is None or run.prescribed or run.arm.closure_rows
+    if names is not None and not by_forces and not BY_FORCES.intersection(names):
         found = channels_of(run.arm, states, names) | bristle_channel(run.arm, states)
         return found | {"torque": given}
     channels = channels_of(run.arm, states) | bristle_channel(run.arm, states)
@@ -63,6 +65,8 @@ def _channels_of_span(
     if run.arm.closure_rows:
         channels["closure_force"] = closing[:, :-1].copy()
         _warn_of_singular_postures(times, closing[:, -1])
+        if text := closure_warning(run.arm, closing[:, :-1]):
+            warn_caller(text, LargeDeflectionWarning)
     return channels | contact_channels(run.arm, run.loads.placed.contacts, states)
 
 

@@ -25,6 +25,7 @@ from flexarm.control.analysis.sampled_loop import (
 from flexarm.control.contract.base import Controller, Reference, has_poles
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
+from flexarm.linear.statics.closed import independent_motions, least_forces
 from flexarm.model import Contact, Hardware, Instrument, Sensor
 from flexarm.simulation.run.changes import ChangedArm
 from flexarm.simulation.run.tolerance import reach_of, tip_units
@@ -277,7 +278,11 @@ def differenced(
     """
     dof, joints = arm.dof, arm.joints
     still = np.zeros(dof)
-    hold = arm.inverse_dynamics(q, still, still, contacts=contacts)[arm.joint_index]
+    force = arm.inverse_dynamics(q, still, still, contacts=contacts)
+    if arm.closure_rows:  # forces of closures bend the links
+        bending = np.setdiff1d(np.arange(dof), arm.joint_index)
+        force = force - arm.closure_jacobian(q).T @ least_forces(arm, q, force, bending)
+    hold = force[arm.joint_index]
     whole = np.concatenate([q, still, hold])
 
     def accelerations(x: FloatArray) -> FloatArray:
@@ -306,4 +311,19 @@ def differenced(
         values = channels[name].reshape(len(moved), -1)
         C = (values[1 : 1 + 2 * dof] - values[1 + 2 * dof :]).T / (2.0 * size[: 2 * dof])
         found[name] = Signal(values[0], C, np.zeros((len(C), joints)))
-    return PlantModel(A, B, found)
+    return _with_closures(arm, q, PlantModel(A, B, found))
+
+
+def _with_closures(arm: Arm, q: FloatArray, model: PlantModel) -> PlantModel:
+    """Return a model of motions that keep the loops closed, in independent coordinates.
+
+    Off the closures, gaps would neither grow nor vanish, which looks like a pole on the limit.
+    """
+    if not arm.closure_rows:
+        return model
+    motions = independent_motions(arm, q, np.arange(arm.dof))
+    basis = motions.displacements(np.eye(motions.independent.size))
+    spread = np.kron(np.eye(2), basis)
+    rows = np.concatenate([motions.independent, arm.dof + motions.independent])
+    signals = {name: one._replace(C=one.C @ spread) for name, one in model.signals.items()}
+    return PlantModel(model.A[rows] @ spread, model.B[rows], signals)

@@ -64,6 +64,10 @@ def check_same_coordinates(path: str, before: Arm, after: Arm) -> None:
     if sizes[0] != sizes[1]:
         hint = "The change adds or removes coordinates, bristles or an eccentric payload."
         raise InputError(Problem("changes", rule, repr(path), hint))
+    straight = np.zeros(before.dof)
+    if not np.allclose(before.closure_gaps(straight), after.closure_gaps(straight), rtol=1e-12):
+        hint = "It opens the loops of the mechanism; a joint that slides can move a point."
+        raise InputError(Problem("changes", rule, repr(path), hint))
     for one, other in zip(before.assembly.pieces, after.assembly.pieces, strict=True):
         old, new = one.shapes.basis, other.shapes.basis
         if np.abs(new - old).max(initial=0.0) > _SAME_SHAPE * np.abs(old).max(initial=0.0):
@@ -95,7 +99,7 @@ def after_change(
     rates = qd.copy()
     if _difference(M, M_after).any():
         missing = M @ qd + impulse - M_after @ qd
-        rates[free] += np.linalg.solve(M_after[np.ix_(free, free)], missing[free])
+        rates[free] += _jump(after, q, qd, M_after, missing, free)
     energy = after.energy(q, rates).total - before.energy(q, qd).total
     changed = after.padded(np.stack([q, rates]))
     if after.assembly.has_bristles:  # their deflection remains, in proportion to ``root``
@@ -104,6 +108,28 @@ def after_change(
         # Half the square is the energy of the bristles.
         energy += 0.5 * float(np.sum(changed[1, :, -1] ** 2 - state[1, :, -1] ** 2))
     return ChangedState(changed, energy)
+
+
+def _jump(
+    arm: Arm,
+    q: FloatArray,
+    qd: FloatArray,
+    M: FloatArray,
+    missing: FloatArray,
+    free: NDArray[np.intp],
+) -> FloatArray:
+    """Return the jump of the free rates by a missing momentum (dof,); loops stay closed.
+
+    The impulses of closures are the unknowns beside the rates: J (qd + jump) = 0.
+    """
+    rows = arm.closure_rows
+    matrix = M[np.ix_(free, free)]
+    if not rows:
+        return np.asarray(np.linalg.solve(matrix, missing[free]))
+    J = arm.closure_jacobian(q)
+    whole = np.block([[matrix, -J[:, free].T], [J[:, free], np.zeros((rows, rows))]])
+    right = np.concatenate([missing[free], -J @ qd])
+    return np.asarray(np.linalg.solve(whole, right)[: free.size])
 
 
 def removes_inertia(path: str, before: Arm, after: Arm, state: FloatArray) -> bool:

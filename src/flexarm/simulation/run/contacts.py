@@ -49,7 +49,9 @@ def contacts_of_run(arm: Arm, contacts: Sequence[Contact], state: FloatArray) ->
     placed = place_contacts(arm, contacts)
     if contacts:
         bent = np.full(arm.joints, _BENT)
-        postures = [arm.unpadded(state[0]), arm.rest(0.0 * bent), arm.rest(bent)]
+        postures = [arm.unpadded(state[0])]
+        if not arm.closure_rows:  # other postures would open loops
+            postures += [arm.rest(0.0 * bent), arm.rest(bent)]
         for law, contact in zip(placed.law, contacts, strict=True):
             law[MOBILITY] = max(_mobility(arm, contact, q) for q in postures)
     return placed
