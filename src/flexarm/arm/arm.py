@@ -38,7 +38,7 @@ from flexarm.kernels.layout import Stations, run_time_sizes
 from flexarm.kernels.observation.observables import energies, poses
 from flexarm.kernels.observation.shapes import axis_points, gauge_strains
 from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
-from flexarm.model.arm.spec import varied_spec
+from flexarm.model.arm.spec import serial_only, varied_spec
 from flexarm.model.checks import signature_of
 from flexarm.model.plausible import implausible, warn_of
 
@@ -289,8 +289,10 @@ class Arm(Dynamics):
         counter-clockwise; a positive moment bends with v'' > 0. They follow from the balance of
         momentum, not from EI v''. The stations divide each link evenly; values at root and tip
         are those just inside the link, values at a load those inboard of it. Other arguments as in
-        ``inverse_dynamics``; (R.40) to (R.43).
+        ``inverse_dynamics``; (R.40) to (R.43). Arms with closures raise InputError, as in
+        ``joint_reactions``.
         """
+        serial_only(self.spec, "section_forces", ("closures",))
         if len(self._cuts) != check_count("stations", stations, 2, MOST_STATIONS):
             self._cuts = cuts_at(self, int(stations))
         given = tip_force, loads, base_acceleration, contacts

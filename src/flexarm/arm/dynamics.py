@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.actions import Environment
 from flexarm.arm.assembly.assemble import FloatArray, assemble
-from flexarm.arm.assembly.coordinates import Coordinates, carriers_of, joint_roots
+from flexarm.arm.assembly.coordinates import Coordinates, carriers_of
 from flexarm.arm.assembly.kernel_view import KernelView, Pool, Scratch, is_finite, is_plain
 from flexarm.base.errors import check_array, check_result, public_call
 from flexarm.kernels.columns import GAP, MULTIPLIER
@@ -23,6 +23,7 @@ from flexarm.kernels.recursion.closures import ROWS, closure_gaps
 from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
 from flexarm.model import ArmSpec, Contact, Load
+from flexarm.model.arm.spec import serial_only
 
 
 class Derivatives(NamedTuple):
@@ -187,8 +188,11 @@ class Dynamics(Coordinates):
         """Return the joint reactions on the links at their roots: (links, 3), Fx, Fy, Mz.
 
         World axes, at the joint, N and N m; ``qdd`` from ``forward_dynamics``. The moment of a
-        joint that is not fixed is the sum of the motor torque and the joint's passive torque.
+        joint that is not fixed is the sum of the motor torque and the joint's passive torque. Arms
+        with closures raise InputError: a motion does not determine their forces. The channels of a
+        run contain them.
         """
+        serial_only(self.spec, "joint_reactions", ("closures",))
         placed = self._outside(tip_force, loads, base_acceleration, contacts)
         scratch = self._newton_euler(q, qd, qdd, placed)
         work = scratch.work
@@ -200,7 +204,7 @@ class Dynamics(Coordinates):
         x, y, moment = work.wrench.T
         world = np.stack([cosine * x - sine * y, sine * x + cosine * y, moment], axis=1)
         self._inverse.append(scratch)
-        return np.asarray(world[joint_roots(self)])
+        return np.asarray(world[self.assembly.link_root])
 
     @property
     def closure_rows(self) -> int:

@@ -74,6 +74,9 @@ class Assembly:
     pieces: tuple[Piece, ...]  # the bodies that form the links, from the base outwards
     seats: tuple[Seat, ...]  # the joints that are not fixed, from the base outwards
     link_body: IntArray  # (links,) first body of each link
+    #: (links,) body on which the joint of each link acts: that body, or the massless one before it
+    #: that carries links or closures at the root
+    link_root: IntArray
     coordinates: IntArray  # (dof,) index of each entry of q in the flattened (n, 1 + m) array
     base: tuple[BaseCoordinate, ...] = ()  # coordinates of the base that move
 
@@ -146,6 +149,7 @@ def assemble(spec: ArmSpec) -> Assembly:
     pieces: list[Piece] = []
     seats: list[Seat] = []
     link_body: list[int] = []
+    link_root: list[int] = []
     base = tuple(BaseCoordinate(name, i, i) for i, name in enumerate(_moving(spec.base)))
     places = [(i, 0) for i in range(len(base))]  # body and column of each coordinate
     body = len(base)
@@ -156,6 +160,7 @@ def assemble(spec: ArmSpec) -> Assembly:
             seats.append(Seat(index, body, len(places), twist, joint.backlash > 0.0))
             places += [(body, 0), (body + 1, 0)] if joint.elastic else [(body, 0)]
             body += joint.elastic
+        link_root.append(body)
         body += 0.0 in carried[index]  # a massless body between the joint and the link
         link_body.append(body)
         start, rows, offset = 0.0, 0, link.hub_radius
@@ -174,6 +179,7 @@ def assemble(spec: ArmSpec) -> Assembly:
         pieces=tuple(pieces),
         seats=tuple(seats),
         link_body=np.array(link_body, dtype=np.intp),
+        link_root=np.array(link_root, dtype=np.intp),
         coordinates=np.array([i * stride + column for i, column in places], dtype=np.intp),
         base=base,
     )
@@ -184,17 +190,12 @@ def _moving(base: Base) -> tuple[str, ...]:
     return tuple(name for name in ("x", "y", "angle") if name in base.free)
 
 
-def _parent(spec: ArmSpec, index: int) -> int:
-    """Return the number of the link that carries the joint of a link, 0 for the base."""
-    parent = spec.links[index].parent
-    return index if parent is None else parent
-
-
 def _stations_of_children(spec: ArmSpec) -> list[tuple[float, ...]]:
     """Return, for each link, the stations (m) below its tip that carry links or closures."""
     stations: list[set[float]] = [set() for _ in spec.links]
     points: list[tuple[int | None, float | None]] = [
-        (_parent(spec, i), link.parent_station) for i, link in enumerate(spec.links)
+        (parent + 1, link.parent_station)
+        for parent, link in zip(spec.parents, spec.links, strict=True)
     ]
     for closure in spec.closures:
         points += [(closure.link, closure.station), (closure.to_link, closure.to_station)]
@@ -347,7 +348,7 @@ def _place_tree(
     motors = {seat.link: seat for seat in seats}
     carriers = []
     for index, (link, joint) in enumerate(zip(spec.links, spec.joints, strict=True)):
-        carrier = sections.at(_parent(spec, index), link.parent_station)
+        carrier = sections.at(spec.parents[index] + 1, link.parent_station)
         carriers.append(carrier)
         first = last = sections.pieces[index][0].body
         if 0.0 in stations[index]:

@@ -46,17 +46,6 @@ def station_of(spec: ArmSpec, link: int) -> float:
     return length if station is None else min(station, length)
 
 
-def joint_roots(arm: Coordinates) -> NDArray[np.intp]:
-    """Return the bodies on which the joints act, (links,).
-
-    They are the first bodies of the links, or the massless bodies at roots that carry other links.
-    """
-    links = zip(arm.spec.parents, arm.spec.links, strict=True)
-    carrying = {parent for parent, link in links if link.parent_station == 0.0}
-    shifts = [int(i in carrying) for i in range(arm.links)]
-    return arm.assembly.link_body - np.array(shifts, dtype=np.intp)
-
-
 def turning_joints(arm: Coordinates) -> NDArray[np.bool_]:
     """Return which of the joints that are not fixed turn, (joints,); the others slide."""
     kinds = [arm.spec.joints[seat.link].kind for seat in arm.assembly.seats]

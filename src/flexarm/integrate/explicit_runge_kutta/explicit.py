@@ -90,10 +90,9 @@ def advance_explicit(
             return status
         if len(sizes.closures) > 0:
             close_step(system, system.constants, memory)
-        known = last > s and len(sizes.closures) == 0
         if alone:
             keep_momentum(system, memory, new)
-            known = False
+        known = last > s and not alone and len(sizes.closures) == 0
         status = judge_end(system, tolerance, memory, stages, s, t, t_new, h, adaptive, known)
         if status == PAUSED:
             continue

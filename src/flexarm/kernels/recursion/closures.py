@@ -204,8 +204,8 @@ def _pass_body(
     # The part of J q'' of the forces without closures: (force part of the row) . acceleration.
     ax, ay, aw = _times(N, b[i, GAIN_XK], b[i, GAIN_YK], b[i, GAIN_WK])
     moved = b[i, JOINT_DRIVE] * b[i, JOINT_INVERSE] + b[i, JOINT_GIVEN]
-    part = kx * (ax - b[i, DRIFT_X]) + ky * (ay - b[i, DRIFT_Y]) + kw * (aw - b[i, DRIFT_W])
-    part += drive * moved - hx * b[i, JOINT_BIAS_X] - hy * b[i, JOINT_BIAS_Y]
+    relative = kx * (ax - b[i, DRIFT_X]) + ky * (ay - b[i, DRIFT_Y]) + kw * (aw - b[i, DRIFT_W])
+    relative += drive * moved - hx * b[i, JOINT_BIAS_X] - hy * b[i, JOINT_BIAS_Y]
     column[c, i, PASSED_X] = mx
     column[c, i, PASSED_Y] = my
     column[c, i, PASSED_W] = mw
@@ -222,8 +222,8 @@ def _pass_body(
         column[c, carrier, BIAS_KY] += ry
         column[c, carrier, BIAS_KW] += hw
     else:
-        part -= rx * ground_x + ry * ground_y
-    return part
+        relative -= rx * ground_x + ry * ground_y
+    return relative
 
 
 @merged
@@ -299,8 +299,9 @@ def meet_closures(
     for back in range(len(sizes.bodies)):
         i = last - back
         for c in range(len(sizes.closures)):
-            part = _pass_body(sizes, constants, c, i, ground_x, ground_y, work)
-            work.closure[c, RELATIVE] += part
+            work.closure[c, RELATIVE] += _pass_body(
+                sizes, constants, c, i, ground_x, ground_y, work
+            )
         _add_products(sizes, constants, i, work)
     factorise(sizes, work.reaction)
     solve_rows(sizes, work, RELATIVE)

@@ -90,14 +90,14 @@ def mass_matrix(
         if len(sizes.joint_laws) > 0:
             rotor = c.body[i, ROTOR_INERTIA]
             geared = c.body[i, ROTOR_INERTIA] * c.body[i, GEAR_RATIO]
-        # Wrench of a unit acceleration of the joint, and its part that the joint does not transmit.
-        jx, jy, jw, own = Hxw, Hyw, Hww, Hww
+        # Wrench of a unit acceleration of the joint, and the inertia that the joint moves.
+        jx, jy, jw, moved = Hxw, Hyw, Hww, Hww
         if len(sizes.tree) > 0 and sizes.joints[i, 1] > 0:
             jx = c.body[i, SLIDE_X] * Hxx + c.body[i, SLIDE_Y] * Hxy
             jy = c.body[i, SLIDE_X] * Hxy + c.body[i, SLIDE_Y] * Hyy
             jw = c.body[i, SLIDE_X] * Hxw + c.body[i, SLIDE_Y] * Hyw
-            own = c.body[i, SLIDE_X] * jx + c.body[i, SLIDE_Y] * jy
-        M[i, 0, i, 0] = free * (own + geared * c.body[i, GEAR_RATIO]) + (1.0 - free)
+            moved = c.body[i, SLIDE_X] * jx + c.body[i, SLIDE_Y] * jy
+        M[i, 0, i, 0] = free * (moved + geared * c.body[i, GEAR_RATIO]) + (1.0 - free)
         _carry(sizes, c, work, M, i, 0, jx * free, jy * free, (jw + geared) * free)
         for j in range(len(sizes.modes)):
             deflection = c.mode[i, j, P]

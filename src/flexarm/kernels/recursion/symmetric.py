@@ -54,7 +54,7 @@ def softened(W: Any, N: Any) -> Any:
 
 @merged
 def softened_by_factors(W: Any, N: Any) -> Any:
-    """Return the same, accurate for a heavy body far from the point of reference, (M.5).
+    """Return the same, accurate for a heavy body far from the point of reference.
 
     With W = L D L' and B = L' N L, Y = L (1 + D B)^-1 D L': both matrices that are eliminated are
     positive (semi)definite, so that no large numbers are subtracted. The cofactors of 1 + W N lose

@@ -28,8 +28,8 @@ from flexarm.model.wording import Fault
 
 def _along_x(value: Any) -> Any:
     """Convert a single number to an offset along the tip tangent."""
-    one = plain(value)
-    return (one, 0.0) if isinstance(one, int | float) else one
+    offset = plain(value)
+    return (offset, 0.0) if isinstance(offset, int | float) else offset
 
 
 class Payload(Record):
@@ -233,11 +233,12 @@ def _point(
     return (0 if link == 0 and base.free else -1), 0.0, tuple(offset)
 
 
-def _crossing(one: Closure, other: Closure) -> bool:
+def _crossing(closure: Closure, other: Closure) -> bool:
     """Return whether two closures are lines in different directions, or with different carriers."""
-    if {one.kind, other.kind} != {"line"}:
+    if {closure.kind, other.kind} != {"line"}:
         return False
-    return one.link != other.link or math.remainder(one.angle - other.angle, math.pi) != 0.0
+    turned = math.remainder(closure.angle - other.angle, math.pi)
+    return closure.link != other.link or turned != 0.0
 
 
 #: Smallest inertia of a coordinate at bodies of mass, inertia and length 1: a zero is rounded.

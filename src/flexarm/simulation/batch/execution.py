@@ -447,8 +447,7 @@ class OpenLoop:
         with self._batch.users:  # the motion of a torque may be a function of the user
             own = self._batch.runs
             state = start_of(arm, *own.state_of(k), None, own.item("torques", k))
-            if arm.closure_rows:
-                check_loops(arm, state, ())
+            check_loops(arm, state)
             return state
 
     def history(self, k: int, arm: Arm, state: FloatArray, relative: float) -> PiecewiseCubic:

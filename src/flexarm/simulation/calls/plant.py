@@ -172,8 +172,7 @@ class Plant:
         arm, hardware = self.arm, self._hardware
         straight = np.zeros(arm.joints)
         state = initial_state(arm, initial, initial_rate, straight)
-        if arm.closure_rows:
-            check_loops(arm, state, ())
+        check_loops(arm, state)
         if seed is not None:
             check_count("seed", seed, least=0, most=2**63 - 1)
         if hardware is not None and seed is not None:

@@ -156,8 +156,8 @@ class Situation:
         """Initial state (2, n, 1 + m), by default at the start of the motion."""
         given = self.initial, self.initial_rate, self.reference, self.torque
         state = start_of(self.simulated, *given)
-        if self.simulated.closure_rows and not self.prescribed:
-            check_loops(self.simulated, state, ())
+        if not self.prescribed:
+            check_loops(self.simulated, state)
         return state
 
     @property
@@ -306,16 +306,18 @@ def torque_history(
         history = sampled_torque(torque, settings.rate, duration, joints, interpolation, breaks)
     prescribed = situation.prescribed or {}
     driven = prescribe(arm, prescribed, state, history, duration, relative, breaks, spacing)
-    if arm.closure_rows and prescribed:
+    if prescribed:
         check_loops(arm, state, prescribed)
     return driven
 
 
-def check_loops(arm: Arm, state: FloatArray, prescribed: Collection[int]) -> None:
+def check_loops(arm: Arm, state: FloatArray, prescribed: Collection[int] = ()) -> None:
     """Raise unless a state closes all loops, keeps them closed, and leaves closures independent.
 
-    Joints with a prescribed motion do not help to close a loop.
+    Joints with a prescribed motion, by number, do not help to close a loop.
     """
+    if not arm.closure_rows:
+        return
     q, qd = arm.unpadded(state)
     refuse_open(arm, "initial", q)
     refuse_moving_apart(arm, "initial_rate", q, qd)

@@ -16,6 +16,7 @@ from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.observe import bristle_channel, channels_of, contact_channels
 from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, warn_caller
 from flexarm.integrate.base import FloatArray
+from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_LINE, ROW_X, ROW_Y, ROWS
 from flexarm.linear.statics.axial import closure_warning
 from flexarm.model import file_text
 from flexarm.simulation.run.channels import CHANNELS
@@ -162,7 +163,11 @@ def _with_values(labels: _Labels, values: dict[str, FloatArray]) -> xr.Dataset:
         for name, variable in labels.variables.items()
     }
     names, indexes = set(labels.indexes), dict(labels.indexes)
-    return xr.Dataset._construct_direct(variables, names, dict(labels.sizes), indexes=indexes)
+    try:
+        return xr.Dataset._construct_direct(variables, names, dict(labels.sizes), indexes=indexes)
+    except (AttributeError, TypeError):  # another version of xarray
+        coordinates = {name: variables.pop(name) for name in names}
+        return xr.Dataset(variables, coords=coordinates)
 
 
 def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> _Labels:
@@ -323,9 +328,10 @@ def _coordinate_names(arm: Arm) -> tuple[str, ...]:
 
 def _closure_names(arm: Arm) -> tuple[str, ...]:
     """Return a name for each row of the closures."""
-    parts = {"pin": ("x", "y"), "weld": ("x", "y", "moment"), "line": ("normal",)}
-    closures = enumerate(arm.spec.closures, start=1)
-    return tuple(f"{k} {part}" for k, closure in closures for part in parts[closure.kind])
+    directions = {ROW_X: "x", ROW_Y: "y", ROW_ANGLE: "moment", ROW_LINE: "normal"}
+    rows = [row for closure in arm.spec.closures for row in ROWS[closure.kind]]
+    numbers = zip(arm.closure_numbers, rows, strict=True)
+    return tuple(f"{number} {directions[row]}" for number, row in numbers)
 
 
 def _gauge_names(arm: Arm) -> tuple[str, ...]:

@@ -325,5 +325,5 @@ def _with_closures(arm: Arm, q: FloatArray, model: PlantModel) -> PlantModel:
     basis = motions.displacements(np.eye(motions.independent.size))
     spread = np.kron(np.eye(2), basis)
     rows = np.concatenate([motions.independent, arm.dof + motions.independent])
-    signals = {name: one._replace(C=one.C @ spread) for name, one in model.signals.items()}
+    signals = {name: signal._replace(C=signal.C @ spread) for name, signal in model.signals.items()}
     return PlantModel(model.A[rows] @ spread, model.B[rows], signals)

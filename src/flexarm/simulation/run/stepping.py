@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from flexarm.arm.actions import EMPTY, Environment, loads_inboard
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.coordinates import joint_roots
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import cuts_at
 from flexarm.base.errors import FlexarmWarning, SimulationError
@@ -217,7 +216,7 @@ class Run:
             )
             for section, cut, forces in zip(sections, cuts, inside[:, part], strict=True):
                 section_forces_many(section, cut.stations, *now, *motion, wrench[part], forces)
-        bodies = joint_roots(arm)
+        bodies = arm.assembly.link_root
         cosine, sine = np.cos(angle), np.sin(angle)
         x, y = wrench[:, bodies, 0], wrench[:, bodies, 1]
         force = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=2)
