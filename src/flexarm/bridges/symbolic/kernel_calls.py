@@ -261,7 +261,6 @@ class KernelCalls:
     def __init__(
         self, arm: Arm, constants: ArmConstants, gauge_bodies: Any, gauge_rows: Objects, free: Any
     ) -> None:
-        serial_only(arm.spec, "a symbolic model", ("closures",))
         self.arm, self.constants = arm, constants
         self.gauge_bodies, self.gauge_rows = gauge_bodies, gauge_rows
         self.free = free
@@ -409,6 +408,7 @@ class ParametricArm:
     """
 
     def __init__(self, arm: Arm, paths: Sequence[str], prescribed: Sequence[int]) -> None:
+        serial_only(arm.spec, "a symbolic model", ("closures",))
         self.arm = arm
         self.paths = tuple(check_list_of("parameters", paths, str))
         names = [f"parameters[{k}]" for k in range(len(self.paths))]
