@@ -1,16 +1,18 @@
-"""Small calls that together use every kernel, by feature, for ``flexarm warmup``."""
+"""Small calls that together use every kernel, by feature, for the library of kernels."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import flexarm as fa
 from flexarm.integrate import INTEGRATORS
-from flexarm.kernels.compilation.cache import compile_seconds, notice
-from flexarm.kernels.compilation.code_cache import CodeCache
+from flexarm.kernels.compilation import jit
+from flexarm.kernels.compilation.build import export
+from flexarm.kernels.compilation.cache import compile_seconds
 from flexarm.motion import Motion
 
 _START, _END = [0.4, 0.6], [0.5, 0.5]
@@ -165,11 +167,12 @@ FEATURES: dict[str, Callable[[], None]] = {
 }
 
 
-def compile_feature(name: str) -> tuple[float, str]:
-    """Compile the kernels of a feature; return its time, s, and why no code could be stored."""
-    notice.silent = True
+def compile_feature(name: str, folder: Path) -> float:
+    """Compile the kernels of a feature, export them, and return the time of compiling, s."""
+    jit.notice.silent = True
     before = compile_seconds()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", fa.FlexarmWarning)  # they concern the example arm
         FEATURES[name]()
-    return compile_seconds() - before, CodeCache.failure
+    export(folder)
+    return compile_seconds() - before

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import extending, types
-
-from flexarm.kernels.compilation.cache import inner
-from flexarm.kernels.compilation.packs import COMPILED, LANES, PACK, VECTOR
+from flexarm.kernels.compilation.cache import KernelIntrinsic, before_compiling, inner
+from flexarm.kernels.compilation.packs import LANES
 from flexarm.kernels.layout import Array, Sizes
+
+#: Eight numbers of a contiguous array from a place on, and a store there.
+_eight: Any = KernelIntrinsic("pack_types", "eight")
+_put_eight: Any = KernelIntrinsic("pack_types", "put_eight")
 
 
 @inner
@@ -27,31 +29,6 @@ def _one_by_one(
                 for k in range(count):
                     total += weights[row, k] * stages[k, level, i, j]
                 out[level, i, j] = state[level, i, j] + h * total
-
-
-def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> Any:
-    data = context.make_array(kind)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [place]), VECTOR.as_pointer())
-
-
-def _load(typing: Any, array: Any, place: Any) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.load(_address(context, builder, sig.args[0], *args), align=8)
-
-    return PACK(array, types.intp), code
-
-
-def _store(typing: Any, array: Any, place: Any, value: Any) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        builder.store(args[2], _address(context, builder, sig.args[0], *args[:2]), align=8)
-        return context.get_dummy_value()
-
-    return types.void(array, types.intp, PACK), code
-
-
-#: Eight numbers of a contiguous array from a place on, and a store there.
-_eight: Any = extending.intrinsic(_load)
-_put_eight: Any = extending.intrinsic(_store)
 
 
 # Numba requires equal signatures of these functions.
@@ -80,9 +57,18 @@ def _combine_arrays(
         _put_eight(out, place, _eight(state, place) + h * total)
 
 
-@extending.overload(combine, jit_options={"forceinline": True})
-def _compiled_combine(
-    sizes: Any, state: Any, stages: Any, weights: Any, row: Any, count: Any, h: Any, out: Any
-) -> Any:
+@before_compiling
+def _declare_sums() -> None:
+    """Let contiguous arrays of numbers be summed eight numbers at once, in compiled code."""
+    from numba import extending, types
+
+    from flexarm.kernels.compilation.numba_internals import HAS_NUMBER_TYPES
+
     real = types.float64[:, :, ::1], types.float64[:, :, :, ::1]  # contiguous
-    return _combine_arrays if COMPILED and (out, stages) == real and state == out else combine
+
+    @extending.overload(combine, jit_options={"forceinline": True})
+    def compiled_combine(
+        sizes: Any, state: Any, stages: Any, weights: Any, row: Any, count: Any, h: Any, out: Any
+    ) -> Any:
+        fits = HAS_NUMBER_TYPES and (out, stages) == real and state == out
+        return _combine_arrays if fits else combine

@@ -10,12 +10,10 @@ import numpy as np
 from flexarm.arm.assembly.assemble import Assembly, FloatArray, IntArray
 from flexarm.kernels.columns import MULTIPLIER
 from flexarm.kernels.compilation.cache import Entry
-from flexarm.kernels.derivatives.sensitivity import forward_jacobian
 from flexarm.kernels.layout import (
     ArmConstants,
     Array,
     Loads,
-    Sizes,
     new_workspace,
     no_loads,
     run_time_sizes,
@@ -25,23 +23,6 @@ from flexarm.kernels.recursion.articulated_body import forward_dynamics
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
 _Kernel = Callable[..., None]
-#: Kernels whose cached entry points are shared by all arms of the same sizes, by the number type of
-#: the workspace: each is always called with arrays of the same types.
-_SHARED: dict[str, tuple[_Kernel, ...]] = {
-    "d": (forward_dynamics, inverse_dynamics),
-    "D": (forward_jacobian,),
-}
-_known: dict[tuple[int | str | bytes, ...], tuple[Sizes, dict[_Kernel, Entry]]] = {}
-
-
-class _Entries(dict[_Kernel, Entry]):
-    """Cached entry points by kernel.
-
-    A copy has its own entry points of the same kernels, because Numba takes 40 ms to copy a kernel.
-    """
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> _Entries:
-        return _Entries((kernel, Entry(kernel)) for kernel in self)
 
 
 class KernelView:
@@ -62,19 +43,11 @@ class KernelView:
         self.constants, self.loads = constants, no_loads(constants)
         self.work = new_workspace(constants, dtype)
         self.shape = self.work.acceleration.shape
-        sizes, number = run_time_sizes(constants), self.work.body.dtype.char
-        order = sizes.joints.tobytes(), sizes.ends.tobytes()
-        key = (*map(len, sizes), constants.body.dtype.char, number, *order)
-        shared = {kernel: Entry(kernel) for kernel in _SHARED.get(number, ())}
-        self.sizes, shared = _known.setdefault(key, (sizes, shared))
-        self._entries = _Entries(shared)
+        self.sizes = run_time_sizes(constants)
+        self._entries: dict[_Kernel, Entry] = {}
 
     def call(self, kernel: _Kernel, *arguments: Any) -> None:
-        """Call a kernel with sizes, constants and ``arguments``.
-
-        All calls of one kernel through one view must pass arguments of the same types, dimensions
-        and memory layouts; see ``Entry``.
-        """
+        """Call a kernel with sizes, constants and ``arguments``."""
         entry = self._entries.get(kernel)
         if entry is None:
             entry = self._entries[kernel] = Entry(kernel)

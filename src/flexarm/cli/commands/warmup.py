@@ -1,15 +1,54 @@
-"""``flexarm warmup``: compile all kernels in advance, in parallel processes."""
+"""``flexarm warmup``: build the library of kernels, in parallel processes."""
 
 from __future__ import annotations
 
+import os
+import tempfile
 import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from flexarm.base.errors import InputError, Problem
 from flexarm.cli.tables import console
 
 
-def warmup() -> None:
-    """Compile everything now, so that no later run waits; needed once on a machine."""
+def warmup(
+    into: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the library; by default the cache of this user."),
+    ] = None,
+) -> None:
+    """Compile all kernels to one library, so that no run waits; an installation brings one."""
+    from flexarm.kernels.compilation import library
+    from flexarm.kernels.compilation.private_folder import cache_folder
+
+    screen = console()
+    if into is None and library.loaded() is not None:
+        screen.print(f"The library of kernels is in {library.loaded().folder}.")
+        return
+    folder = into or cache_folder()
+    if folder is None:
+        rule = "cannot be created as a private folder of this user"
+        raise InputError(Problem("the cache folder", rule))
+    started = time.perf_counter()
+    with tempfile.TemporaryDirectory() as scratch:
+        compiled = _compile(Path(scratch))
+        try:
+            from flexarm.kernels.compilation.build import link
+
+            file = link(Path(scratch), folder)
+        except OSError as error:
+            raise InputError(Problem("the library of kernels", f"was not built: {error}")) from None
+    took, size = time.perf_counter() - started, file.stat().st_size / 1e6
+    screen.print(
+        f"{file}: {size:.1f} MB after {took:.0f} s, of which compiling {compiled:.0f} s of one core."
+    )
+
+
+def _compile(scratch: Path) -> float:
+    """Write object files of all kernels, and return the time of compiling, s."""
     from concurrent.futures import as_completed
 
     from rich.progress import (
@@ -22,29 +61,17 @@ def warmup() -> None:
 
     from flexarm.base.processes import process_pool, usable_cores
     from flexarm.cli.features import FEATURES, compile_feature
-    from flexarm.kernels.compilation.cache import CACHE_DIRECTORY
 
-    if CACHE_DIRECTORY is None:
-        rule = "cannot be created as a private folder of this user"
-        raise InputError(Problem("the cache folder", rule))
-    screen = console()
-    started = time.perf_counter()
-    compiled = 0.0
+    # Code from a cache could not be exported, and code of a library is finished.
+    os.environ |= {"XDG_CACHE_HOME": str(scratch), "FLEXARM_KERNELS": "compile"}
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    bar = Progress(*columns, TimeElapsedColumn(), console=screen, transient=True)
-    workers = min(usable_cores(), len(FEATURES))
-    pool = process_pool(workers, int)
+    bar = Progress(*columns, TimeElapsedColumn(), console=console(), transient=True)
+    pool = process_pool(min(usable_cores(), len(FEATURES)), int)
+    compiled = 0.0
     with bar, pool:
         task = bar.add_task("compiling", total=len(FEATURES))
-        waiting = {pool.submit(compile_feature, name): name for name in FEATURES}
+        waiting = {pool.submit(compile_feature, name, scratch): name for name in FEATURES}
         for done in as_completed(waiting):
-            seconds, failure = done.result()
-            if failure:
-                raise InputError(Problem(str(CACHE_DIRECTORY), f"is not writable: {failure}"))
-            compiled += seconds
+            compiled += done.result()
             bar.update(task, advance=1, description=f"compiled: {waiting[done]}")
-    took = time.perf_counter() - started
-    screen.print(
-        f"{len(FEATURES)} features are ready after {took:.0f} s; "
-        f"{compiled:.0f} s of compiling in {workers} processes."
-    )
+    return compiled

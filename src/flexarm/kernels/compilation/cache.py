@@ -1,58 +1,152 @@
-"""Compile kernels with Numba; `code_cache` keeps the machine code on disk."""
+"""Kernels: functions with machine code, of the library of kernels or compiled by Numba.
+
+`library` has the code that was built in advance, for all sizes of arms. Numba is imported only for
+code that is not there: other types of arguments, sizes at compile time, kernels of users, and
+edited sources.
+"""
 
 from __future__ import annotations
 
+import functools
+import os
+import sys
 from collections.abc import Callable, Mapping
+from importlib import import_module
+from importlib.util import find_spec
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
-import numba
-import numpy as np
-
-from flexarm.kernels.compilation.code_cache import cache_folder, cache_of, code_library
-from flexarm.kernels.compilation.compile_notice import CompileNotice
-from flexarm.kernels.compilation.numba_internals import CAN_OMIT_REFERENCES, register_listener
+from flexarm.base.arguments import library_missing
+from flexarm.kernels.compilation import library
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-#: The fast-math option that changes the sign of zeros alone. Options that change digits, such as
-#: "arcp" and "contract", do so at other places in packs than in single numbers; see ``fused``.
-_FAST = {"nsz"}
+#: Whether kernels are plain Python functions.
+INTERPRETED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+#: Functions that tell Numba about types and functions of kernels.
+_declarations: list[Callable[[], object]] = []
 
 
-#: Folder of the compiled code; None if no folder is private to this user.
-CACHE_DIRECTORY = cache_folder()
+def before_compiling(declare: F) -> F:
+    """Call ``declare`` before Numba compiles the first kernel; never if it does not compile."""
+    _declarations.append(declare)
+    return declare
 
 
-def _options() -> dict[str, Any]:
-    """Return the compiler options of every kernel.
+def has_number_types() -> bool:
+    """Return whether kernels compute with packs and dual numbers; plain Python does not."""
+    if INTERPRETED:
+        return False
+    if library.loaded() is not None:
+        return True
+    return can_compile() and bool(
+        import_module("flexarm.kernels.compilation.numba_internals").HAS_NUMBER_TYPES
+    )
 
-    Kernels own no memory, because their results are arguments. Without Numba's reference counting
-    they run three times as fast (otherwise each array access updates an atomic counter). The option
-    is undocumented, so it is omitted for versions of Numba without it.
+
+def declare_all() -> None:
+    """Tell Numba about all types and functions of the kernels that are imported so far."""
+    while _declarations:
+        _declarations.pop(0)()
+
+
+def can_compile() -> bool:
+    """Return whether Numba is there for code that the library does not have."""
+    return library.CHOICE != "library" and find_spec("numba") is not None
+
+
+def _compiler(kernel: str) -> Any:
+    """Return the module that compiles with Numba.
+
+    Raises:
+        InputError: if Numba is not installed, or not wanted.
     """
-    options: dict[str, Any] = {"error_model": "numpy", "fastmath": _FAST}
-    if code_library:
-        options["pipeline_class"] = code_library.KernelCompiler
-    options["no_cfunc_wrapper"] = True  # no kernel is passed on as a C function
-    if CAN_OMIT_REFERENCES:
-        options["_nrt"] = False
-    return options
+    if not can_compile():
+        raise library_missing(f"numba, to compile {kernel}", "jit")
+    return import_module("flexarm.kernels.compilation.jit")
 
 
-def _decorate(function: F, apart: bool = False, **more: Any) -> F:
-    dispatcher: Any = numba.njit(**{**_options(), **more})(function)
-    if hasattr(dispatcher, "enable_caching"):  # absent if compilation is disabled
-        cache = cache_of(function, CACHE_DIRECTORY, apart)
-        if cache is not None:
-            dispatcher._cache = cache
-        # Pickled by its name: a copy in another process would be compiled without the cache.
-        dispatcher.__reduce_ex__ = lambda protocol: function.__qualname__
-    return cast(F, dispatcher)
+class Kernel:
+    """A function with machine code for each combination of types of its arguments.
+
+    Attributes:
+        py_func: the plain function. options: those of Numba's compiler. apart: whether other
+        kernels refer to its code instead of containing it. merged: whether it has no code of its
+        own. inside: whether only kernels can call it.
+    """
+
+    __module__: str
+    __qualname__: str
+
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        apart: bool = False,
+        merged: bool = False,
+        inside: bool = False,
+        **options: Any,
+    ) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func, self.options = function, options
+        self.apart, self.merged, self.inside = apart, merged, inside
+        self._codes: dict[library.Kinds, Callable[..., Any]] = {}
+
+    @functools.cached_property
+    def dispatcher(self) -> Any:
+        """The same kernel as a function of Numba."""
+        return _compiler(self.__name__).dispatcher(self)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the machine code for these arguments."""
+        kinds: list[Any] = []
+        words: list[Any] = []
+        library.flatten(arguments, kinds, words)
+        code = self.code(tuple(kinds), arguments)
+        return code(words) if isinstance(code, library.Code) else code(*arguments)
+
+    def code(self, kinds: library.Kinds, arguments: tuple[Any, ...]) -> Callable[..., Any]:
+        """Return the code for kinds of arguments: of the library, called with their words, or of
+        Numba, called with arguments.
+
+        Raises:
+            TypeError: if only kernels can call this one.
+            InputError: if the library does not have the code, and Numba is not installed.
+        """
+        try:
+            return self._codes[kinds]
+        except KeyError:
+            pass
+        if self.inside:
+            name = f"{self.__name__} is compiled for other kernels alone"
+            raise TypeError(f"{name}; see kernels.compilation.cache.apart")
+        known = library.loaded()
+        name = f"{self.__module__}.{self.__qualname__}"
+        code = known.code(name, kinds) if known else None
+        self._codes[kinds] = code or _compiler(name).code(self, kinds, arguments)
+        return self._codes[kinds]
+
+    def __reduce__(self) -> str:
+        return self.__qualname__  # pickled by its name
+
+
+class KernelIntrinsic:
+    """A function of kernels that a module for Numba defines; imported when Numba compiles."""
+
+    def __init__(self, module: str, name: str) -> None:
+        self._module, self._name = module, name
+
+    @property
+    def compiled(self) -> Any:
+        """The function for Numba."""
+        return getattr(import_module(f"flexarm.kernels.compilation.{self._module}"), self._name)
+
+
+def _decorate(function: F, **options: Any) -> F:
+    return function if INTERPRETED else cast(F, Kernel(function, **options))
 
 
 def compiled(function: F) -> F:
-    """Compile a kernel at its first call for each combination of argument types; cache on disk.
+    """Give a kernel machine code for each combination of types of arguments.
 
     Python and kernels can call it. Its machine code exists once: kernels refer to it.
     """
@@ -60,7 +154,7 @@ def compiled(function: F) -> F:
 
 
 def unlocked(function: F) -> F:
-    """Compile a kernel like ``compiled``, whose calls let other threads of Python continue.
+    """Make a kernel like ``compiled``, whose calls let other threads of Python continue.
 
     Use it for kernels that run for a long time; for the others it costs more than it saves.
     """
@@ -68,17 +162,17 @@ def unlocked(function: F) -> F:
 
 
 def apart(function: F) -> F:
-    """Compile a kernel that only kernels call, without the code that unpacks Python's arguments.
+    """Make a kernel that only kernels call, without the code that unpacks Python's arguments.
 
     That code often takes longer to compile than the kernel. A call from Python raises TypeError;
     ``undecorated`` returns the plain function. As with ``compiled``, kernels refer to it.
     """
-    return _closed(_decorate(function, apart=True, no_cpython_wrapper=True))
+    return _decorate(function, apart=True, inside=True)
 
 
 def inner(function: F) -> F:
-    """Compile a small kernel that only kernels call; the compiler may merge it into its callers."""
-    return _closed(_decorate(function, no_cpython_wrapper=True))
+    """Make a small kernel that only kernels call; the compiler may merge it into its callers."""
+    return _decorate(function, inside=True)
 
 
 def merged(function: F) -> F:
@@ -87,93 +181,82 @@ def merged(function: F) -> F:
     Only kernels can call it, as with ``apart``. Use it in hot loops; elsewhere, an ordinary call
     compiles faster.
     """
-    options: dict[str, Any] = {"forceinline": True}
-    if code_library:
-        options["pipeline_class"] = code_library.MergedCompiler
-    return _closed(_decorate(function, no_cpython_wrapper=True, **options))
-
-
-def _closed(kernel: F) -> F:
-    """Make calls from Python raise TypeError, because there is no machine code for them."""
-    dispatcher: Any = kernel
-    if hasattr(dispatcher, "add_overload"):  # absent if compilation is disabled
-
-        def keep(version: Any) -> None:
-            dispatcher.overloads[tuple(version.signature.args)] = version
-
-        def refuse(*arguments: Any, **more: Any) -> None:
-            name = dispatcher.py_func.__name__
-            raise TypeError(
-                f"{name} is compiled for other kernels alone; see kernels.compilation.cache.apart"
-            )
-
-        dispatcher.add_overload, dispatcher._compile_for_args = keep, refuse
-    return kernel
-
-
-#: Number of calls, at 8 us each, after which determining the types once (2 ms) pays off. A lookup
-#: of known kinds (20 us) pays off at the second call.
-_OFTEN = 200
-#: Machine code by kernel and kinds of arguments, which repeated runs look up in 20 us.
-_known: dict[tuple[Any, ...], Callable[..., Any]] = {}
-#: Mask of the flags of an array that are part of its type: ownership of the memory is not.
-_TYPED = ~0x4
-
-
-def _kind(value: Any) -> Any:
-    """Return what determines the type of an argument; functions are no arguments of kernels."""
-    if isinstance(value, np.ndarray):
-        return type(value), value.dtype, value.ndim, value.flags.num & _TYPED
-    return (type(value), *map(_kind, value)) if isinstance(value, tuple) else type(value)
+    return _decorate(function, inside=True, merged=True, forceinline=True)
 
 
 class Entry:
-    """Cached entry point of a kernel, for repeated calls with the same argument types.
+    """Entry point of a kernel for repeated calls with arguments that are mostly the same objects.
 
-    At each call of a kernel, Numba determines the type of every array in every record, which costs
-    ten times as much as a small kernel. An entry point skips this after some calls with the same
-    first argument; if the kinds of its arguments are known, after two. While the first argument is
-    the same object, the caller must keep the types, dimensions and memory layout of the others.
-    This is not checked.
-
-    Args:
-        often: number of calls after which the types are determined once; with dual numbers 1,
-            because each call then takes 1 ms.
+    Only arguments that are other objects than in the last call are prepared again, which for all
+    arrays of an arm would take as long as some kernels. An entry point keeps its last arguments and
+    serves one thread.
     """
 
-    __slots__ = ("_calls", "_code", "_first", "_often", "kernel")
+    __slots__ = ("_block", "_code", "_kinds", "_last", "_places", "_words", "kernel")
 
-    def __init__(self, kernel: Callable[..., Any], often: int = _OFTEN) -> None:
-        self.kernel, self._often = kernel, often
-        self._first: Any = self  # differs from every caller's first argument
-        self._code: Callable[..., Any] = kernel
-        self._calls = 0
+    def __init__(self, kernel: Callable[..., Any]) -> None:
+        self.kernel = kernel
+        self._last: tuple[Any, ...] = ()
+        self._code: Callable[..., Any] = kernel  # a plain function
+        self._kinds: list[library.Kinds] = []  # of each argument
+        self._places: list[int] = []  # first word of each argument
+        self._words: list[Any] = []
+        self._block = b""
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel."""
-        if arguments[0] is not self._first:
-            self._first, self._code, self._calls = arguments[0], self.kernel, 0
-        elif self._calls < self._often:
-            self._calls += 1
-            if self._calls == 1 or self._calls == self._often:
-                self._look(arguments)
+        last = self._last
+        if len(arguments) != len(last):
+            self._prepare(arguments)
+        else:
+            changed = False
+            for k, new in enumerate(arguments):
+                if new is not last[k]:
+                    changed = True
+                    if not self._is_replaced(k, new):
+                        self._prepare(arguments)
+                        break
+            if changed:
+                self._set(arguments)
+        if isinstance(self._code, library.Code):
+            return self._code.run(self._block)
         return self._code(*arguments)
 
-    def _look(self, arguments: tuple[Any, ...]) -> None:
-        """Use known machine code; after many calls, determine the types to find it."""
-        kernel: Any = self.kernel
-        if not hasattr(kernel, "typeof_pyval"):  # absent if compilation is disabled
-            return
-        key = kernel, _kind(arguments)
-        if key not in _known and self._calls >= self._often:
-            types = tuple(map(kernel.typeof_pyval, arguments))
-            kernel.compile(types)
-            _known[key] = kernel.overloads[types].entry_point
-        if key in _known:
-            self._code, self._calls = _known[key], self._often
+    def _is_replaced(self, k: int, value: Any) -> bool:
+        """Put another value into the words; return whether it has the same kinds."""
+        kinds: list[Any] = []
+        words: list[Any] = []
+        library.flatten((value,), kinds, words)
+        if self._kinds[k] != tuple(kinds):
+            return False
+        place = self._places[k]
+        self._words[place : place + len(words)] = words
+        return True
 
-    def __reduce__(self) -> tuple[type[Entry], tuple[Callable[..., Any], int]]:
-        return Entry, (self.kernel, self._often)  # a copy determines its machine code again
+    def _prepare(self, arguments: tuple[Any, ...]) -> None:
+        """Determine all words, and look up the code."""
+        if not isinstance(self.kernel, Kernel):
+            return
+        self._kinds, self._places, self._words = [], [], []
+        for value in arguments:
+            kinds: list[Any] = []
+            self._places.append(len(self._words))
+            library.flatten((value,), kinds, self._words)
+            self._kinds.append(tuple(kinds))
+        together = tuple(kind for kinds in self._kinds for kind in kinds)
+        self._code = self.kernel.code(together, arguments)
+        self._set(arguments)
+
+    def _set(self, arguments: tuple[Any, ...]) -> None:
+        self._last = arguments
+        if isinstance(self._code, library.Code):
+            self._block = self._code.block(self._words)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Entry:
+        return Entry(self.kernel)  # a copy determines its words again
+
+    def __reduce__(self) -> tuple[type[Entry], tuple[Callable[..., Any]]]:
+        return Entry, (self.kernel,)
 
 
 def undecorated(
@@ -204,10 +287,7 @@ def _undecorated(function: Any, done: dict[int, Callable[..., Any]]) -> Callable
     return copy
 
 
-notice = CompileNotice(kept=CACHE_DIRECTORY is not None)
-register_listener(notice)
-
-
 def compile_seconds() -> float:
     """Return the time in seconds that this process has spent compiling kernels."""
-    return notice.seconds
+    compiler: Any = sys.modules.get("flexarm.kernels.compilation.jit")
+    return compiler.notice.seconds if compiler else 0.0

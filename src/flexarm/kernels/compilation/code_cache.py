@@ -18,102 +18,22 @@ import contextlib
 import hashlib
 import os
 import pickle
-import shutil
-import stat
 import sys
-import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numba
-from platformdirs import user_cache_dir
 
 from flexarm.base.writing.replace_file import replace_file
 from flexarm.kernels.compilation.numba_internals import CAN_LINK, CAN_SAVE, rebuilt, serialized
+from flexarm.kernels.compilation.private_folder import user
 
 code_library: Any = None
 if CAN_LINK:
     from flexarm.kernels.compilation import code_library
 
-#: Packages whose sources determine the machine code.
-_SOURCE_FOLDERS = ("kernels", "integrate")
-_UNUSED_CACHE_SECONDS = 60 * 24 * 3600
 _DIGEST_BYTES = hashlib.sha256().digest_size
-
-
-def _source_hash() -> str:
-    package = Path(__file__).resolve().parents[2]
-    digest = hashlib.sha256(numba.__version__.encode())
-    for folder in _SOURCE_FOLDERS:
-        for path in sorted((package / folder).rglob("*.py")):
-            digest.update(path.relative_to(package).as_posix().encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def cache_folder() -> Path | None:
-    """Return the folder for these sources, created if missing; None if no folder is private.
-
-    It is in the user's cache folder or, if that is not writable, in a folder of the temporary
-    directory that belongs to this user and that nobody else can open.
-    """
-    name = f"kernels-{_source_hash()}"
-    for root in _roots():
-        folder = root / name
-        try:
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if not _is_private(folder):
-                continue
-            with tempfile.TemporaryFile(dir=folder):
-                pass
-            _forget_unused(root, keep=folder)
-        except OSError:
-            continue
-        return folder
-    return None
-
-
-def _roots() -> Iterator[Path]:
-    home = Path(user_cache_dir("flexarm"))
-    if home.is_absolute():  # the path of a user without a home directory starts with "~"
-        yield home
-    try:
-        shared = Path(tempfile.gettempdir()) / f"flexarm-{_user()}"
-        shared.mkdir(mode=0o700, exist_ok=True)
-        # Any user can create a folder with this name, so its owner and mode are checked.
-        if _is_private(shared, others=0o077):
-            yield shared
-    except OSError:
-        return
-
-
-def _user() -> int:
-    return os.geteuid() if hasattr(os, "geteuid") else 0
-
-
-def _is_private(folder: Path, others: int = 0o022) -> bool:
-    """Return whether a path is a folder of this user, without the permissions ``others``.
-
-    A link to such a folder does not count.
-    """
-    if not hasattr(os, "geteuid"):
-        return True  # on Windows, the folders of a user are closed to others by default
-    status = os.lstat(folder)
-    ours = stat.S_ISDIR(status.st_mode) and status.st_uid == _user()
-    return ours and not status.st_mode & others
-
-
-def _forget_unused(root: Path, keep: Path) -> None:
-    """Remove the machine code of sources that have not been used for two months."""
-    (keep / ".used").touch()
-    for old in root.glob("kernels-*"):
-        stamp = old / ".used"
-        if old != keep and stamp.exists():
-            age = time.time() - stamp.stat().st_mtime
-            if age > _UNUSED_CACHE_SECONDS:
-                shutil.rmtree(old, ignore_errors=True)
 
 
 class CodeCache:
@@ -121,6 +41,8 @@ class CodeCache:
 
     #: Why code compiled by this process could not be saved; empty if all of it was saved.
     failure = ""
+    #: Kernels and their versions that this process compiled, for `build`.
+    compiled: ClassVar[list[tuple[Any, Any]]] = []
 
     def __init__(self, function: Callable[..., Any], folder: Path, apart: bool) -> None:
         self._function = function
@@ -140,7 +62,7 @@ class CodeCache:
         path = self._path(key)
         try:
             with open(path, "rb") as stream:
-                if os.fstat(stream.fileno()).st_uid != _user():
+                if os.fstat(stream.fileno()).st_uid != user():
                     return None
                 content = stream.read()
         except OSError:
@@ -173,6 +95,7 @@ class CodeCache:
         body = serialized(key, needed, data)
         if code_library and self._apart:
             code_library.set_apart(self._function, data)
+            CodeCache.compiled.append((self._function, data))
         digest = hashlib.sha256(body).digest()
         try:
             replace_file(self._path(key), [digest, body], durable=False)
@@ -203,7 +126,7 @@ class CodeCache:
         function = self._function
         kernel = self._folder.name, function.__module__, function.__qualname__
         bytecode = hashlib.sha256(function.__code__.co_code).hexdigest()
-        system = codegen.magic_tuple(), sys.implementation.cache_tag
+        system = codegen.magic_tuple(), sys.implementation.cache_tag, numba.__version__
         return (*kernel, sig, *system, bytecode, self._stamp)
 
 

@@ -151,10 +151,15 @@ _MARK = "numba.dynamic.globals.flexarm"
 _apart: dict[str, Reference] = {}
 
 
-def references(version: Any) -> list[Reference]:
-    """Return the kernels apart to which a compiled version of a kernel refers."""
-    functions = version.library._get_module_for_linking().functions
-    return [_apart[one.name] for one in functions if one.is_declaration and one.name in _apart]
+def references(version: Any, module: Any = None) -> list[Reference]:
+    """Return the kernels apart to which a compiled version of a kernel, or its code, refers."""
+    code = module or version.library._get_module_for_linking()
+    return [_apart[f.name] for f in code.functions if f.is_declaration and f.name in _apart]
+
+
+def module_of(version: Any) -> Any:
+    """Return a copy of the code of a version that this process compiled, in LLVM's language."""
+    return version.library._final_module.clone()
 
 
 def has_addresses(version: Any) -> bool:

@@ -114,3 +114,8 @@ def declare(function: Any, count: int, number: Any, others: Any, result: Any) ->
 
     # The decorator form reads ``function.__module__``, which ufuncs have since NumPy 2.1 only.
     infer_global(function, types.Function(Rule))
+
+
+def type_of_constant(value: Any) -> Any:
+    """Return the type of a function for Numba that a kernel refers to."""
+    return _private("registry", "cpu_target").typing_context.resolve_value_type(value)

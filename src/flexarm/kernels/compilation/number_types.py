@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import operator
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
-import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -18,8 +17,8 @@ from numba.extending import (
     typeof_impl,
     unbox,
 )
-from numpy.typing import NDArray
 
+from flexarm.kernels.compilation.library import Blocks
 from flexarm.kernels.compilation.numba_internals import Conversion
 
 #: Classes of the types of ordinary numbers, which become numbers of the new types.
@@ -36,25 +35,6 @@ class NumberType(types.Type):
     def can_convert_from(self, typing: Any, other: Any) -> Any:
         """Return whether a value of another type becomes a number of this type."""
         return Conversion.safe if isinstance(other, ORDINARY) else None
-
-
-class Blocks:
-    """Array of numbers of several float64, which are the last axis of ``array``."""
-
-    #: Number of float64 of a number.
-    width: ClassVar[int]
-
-    def __init__(self, array: NDArray[np.float64]) -> None:
-        fits = array.shape[-1] == self.width and array.dtype == np.float64
-        if not fits or not array.flags.c_contiguous:
-            kind = type(self).__name__
-            raise ValueError(f"{kind} are contiguous float64 arrays, {self.width} to a number")
-        self.array = array
-
-    @classmethod
-    def zeros(cls, *shape: int) -> Self:
-        """Return zeros."""
-        return cls(np.zeros((*shape, cls.width)))
 
 
 class BlocksType(types.Type):

@@ -10,10 +10,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import extending
 
-from flexarm.kernels.compilation.cache import merged
-from flexarm.kernels.compilation.duals import DUAL, chained
+from flexarm.kernels.compilation.cache import before_compiling, merged
 
 #: 2 pi in three parts: the first two have 33 bits, so that their products with the number of
 #: turns are exact up to 2^20 turns.
@@ -53,22 +51,27 @@ def _cosine(x: Any) -> Any:
     return np.cos(x)
 
 
-_turned = extending.register_jitable(_sine_and_versine)
+@before_compiling
+def _declare_functions() -> None:
+    """Give sine and cosine the polynomials, in compiled code."""
+    from numba import extending
 
+    from flexarm.kernels.compilation.dual_types import DUAL, chained
 
-# Numba compares the signatures of these functions with those of the code: no annotations.
-@extending.overload(_sine)
-def _compiled_sine(x):
-    if x == DUAL:
-        return lambda x: chained(_turned(x.real)[0], 1.0 - _turned(x.real)[1], x)
-    return lambda x: _turned(x)[0]
+    turned = extending.register_jitable(_sine_and_versine)
 
+    # Numba compares the signatures of these functions with those of the code: no annotations.
+    @extending.overload(_sine)
+    def sine(x):
+        if x == DUAL:
+            return lambda x: chained(turned(x.real)[0], 1.0 - turned(x.real)[1], x)
+        return lambda x: turned(x)[0]
 
-@extending.overload(_cosine)
-def _compiled_cosine(x):
-    if x == DUAL:
-        return lambda x: chained(1.0 - _turned(x.real)[1], -_turned(x.real)[0], x)
-    return lambda x: 1.0 - _turned(x)[1]
+    @extending.overload(_cosine)
+    def cosine(x):
+        if x == DUAL:
+            return lambda x: chained(1.0 - turned(x.real)[1], -turned(x.real)[0], x)
+        return lambda x: 1.0 - turned(x)[1]
 
 
 @merged

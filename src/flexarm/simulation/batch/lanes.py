@@ -36,7 +36,7 @@ from flexarm.integrate.memory import (
     TOUCHES,
 )
 from flexarm.kernels.columns import IS_FREE
-from flexarm.kernels.compilation.packs import COMPILED
+from flexarm.kernels.compilation.cache import has_number_types
 from flexarm.kernels.layout import ArmConstants, Array, Contacts, Loads, run_time_sizes
 from flexarm.model.scenarios.scenario import DURATION
 from flexarm.simulation.batch.execution import Alone, Batch, OpenLoop, Outcome, attempt
@@ -91,7 +91,7 @@ def arm_fits_lanes(arm: Arm) -> bool:
     assembly = arm.assembly
     followed = assembly.has_bristles or assembly.has_sticking or arm.closure_rows
     isolated = assembly.constants.arm[IS_FREE] > 0.0  # its momentum is kept
-    return COMPILED and all(free) and not followed and not isolated
+    return has_number_types() and all(free) and not followed and not isolated
 
 
 class Ready(NamedTuple):

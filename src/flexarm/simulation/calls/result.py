@@ -16,6 +16,7 @@ from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.observe import bristle_channel, channels_of, contact_channels
 from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, warn_caller
 from flexarm.integrate.base import FloatArray
+from flexarm.kernels.compilation.cache import can_compile
 from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_LINE, ROW_X, ROW_Y, ROWS
 from flexarm.linear.statics.axial import closure_warning
 from flexarm.model import file_text
@@ -112,7 +113,8 @@ def package_version() -> str:
 @cache
 def software_versions() -> str:
     """Return the versions of Python and the numerical packages, and the platform, as one line."""
-    packages = [f"{name} {version(name)}" for name in ("numpy", "scipy", "numba", "xarray")]
+    names = ["numpy", "scipy", "xarray", *(["numba"] if can_compile() else [])]
+    packages = [f"{name} {version(name)}" for name in names]
     system = f"{platform.system()} {platform.machine()}"
     return ", ".join([f"Python {platform.python_version()}", *packages, system])
 

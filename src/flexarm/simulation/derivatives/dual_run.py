@@ -139,7 +139,7 @@ class DualStepper:
         self._events: list[DualArray] = []
 
     def _progress(self, time: float, state: DualArray, step: float) -> Progress:
-        entry = Entry(self._run.integrator.stepper, often=1)
+        entry = Entry(self._run.integrator.stepper)
         return Progress(time, state, step, entry=entry)
 
     def advance(self, until: float) -> None:

@@ -160,7 +160,7 @@ class Repetition:
         most = max(len(part.ends) for part in parts)
         self._ends = np.zeros((len(blocks), most, *numbers.state.shape, 1 + DIRECTIONS))
         additive = isinstance(run.integrator, Additive)
-        self._entry = Entry(additive_transfers if additive else explicit_transfers, often=1)
+        self._entry = Entry(additive_transfers if additive else explicit_transfers)
 
     def transfers(self, part: Part) -> FloatArray:
         """Return the derivatives (intervals, 2 dof, directions) of the states at the ends."""

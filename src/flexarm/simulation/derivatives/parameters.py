@@ -25,7 +25,7 @@ from flexarm.base.errors import InputError, Problem, nearest, shown, suggestion
 from flexarm.control.design.arm_scales import size_of_zero
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
-from flexarm.kernels.compilation.packs import COMPILED
+from flexarm.kernels.compilation.cache import has_number_types
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.forces.contact import GAP
 from flexarm.kernels.layout import Array
@@ -354,7 +354,7 @@ def simulated(
         InputError: if an argument does not fit the arm.
         SimulationError: if the run stops early, or a function of time raises an exception.
     """
-    if not COMPILED:
+    if not has_number_types():
         raise InputError(Problem("NUMBA_DISABLE_JIT", "is not supported with derivatives of runs"))
     arm, environment = situation.arm, situation.environment
     if situation.events:

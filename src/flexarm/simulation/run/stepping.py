@@ -25,6 +25,7 @@ from flexarm.integrate.base import (
     Tolerance,
 )
 from flexarm.integrate.reactions import reactions_many, section_forces_many
+from flexarm.kernels.compilation.cache import can_compile
 from flexarm.kernels.layout import compile_time_sizes
 from flexarm.simulation.histories.loads import LoadHistory, constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
@@ -233,7 +234,8 @@ class Run:
     def _specialize(self, system: System, progress: Progress) -> System:
         """Switch a long run to code compiled for its model size; the state does not change."""
         n, m = system.constants.S.shape
-        if self.specialized is not None or n > _MOST_BODIES or m > _MOST_MODES:
+        large = n > _MOST_BODIES or m > _MOST_MODES
+        if self.specialized is not None or large or not can_compile():
             return system
         # Count work and not time, because the time depends on the load of the machine.
         work = progress.evaluations * n * (1 + m)

@@ -1,0 +1,77 @@
+"""Build hook: put the library of kernels into wheels, compiled for the platform of the build."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+#: Where the library lies in a wheel; `flexarm.kernels.compilation.library` looks for it there.
+_PLACE = "flexarm/kernels/machine_code"
+_CORE = ("numba", "numpy", "scipy", "pydantic", "xarray", "typer")
+
+
+class KernelLibrary(BuildHookInterface):
+    """Compile the kernels, which takes some minutes; without a compiler the wheel has none.
+
+    Kernels then compile when they are first used, with the extra ``jit``. The environment variable
+    ``FLEXARM_BUILD=pure`` asks for such a wheel, ``FLEXARM_BUILD=library`` for an error instead.
+    """
+
+    def dependencies(self) -> list[str]:
+        """Return what the compilation needs: the package runs small examples of each feature."""
+        if os.environ.get("FLEXARM_BUILD") == "pure":
+            return []
+        metadata = self.metadata.core
+        return [*metadata.dependencies, *metadata.optional_dependencies["jit"]]
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile before a wheel is written; an editable installation compiles when it is used."""
+        wish = os.environ.get("FLEXARM_BUILD", "")
+        if version == "editable" or wish == "pure":
+            return
+        failure = self._compile()
+        if failure and wish == "library":
+            raise RuntimeError(failure)
+        if failure:
+            self.app.display_warning(
+                f"flexarm: {failure}; kernels compile when they are first used"
+            )
+            return
+        build_data["force_include"].update(
+            {str(path): f"{_PLACE}/{path.name}" for path in Path(self._folder.name).iterdir()}
+        )
+        build_data["pure_python"] = False
+        build_data["tag"] = f"py3-none-{_platform_tag()}"
+
+    def _compile(self) -> str:
+        """Compile into a temporary folder; return why that failed, or nothing."""
+        missing = [name for name in _CORE if importlib.util.find_spec(name) is None]
+        if missing:
+            return f"{', '.join(missing)} not installed for the build"
+        self._folder = tempfile.TemporaryDirectory(prefix="flexarm-kernels-")
+        source = os.path.join(self.root, "src")
+        done = subprocess.run(
+            [sys.executable, "-m", "flexarm", "warmup", "--into", self._folder.name],
+            env={**os.environ, "PYTHONPATH": source, "NUMBA_DISABLE_JIT": "0"},
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+        return done.stderr.strip() if done.returncode else ""
+
+
+def _platform_tag() -> str:
+    """Return the platforms of a library without symbols of a C library: any version of Linux's."""
+    machine = platform.machine().lower()
+    if sys.platform == "linux":
+        return f"manylinux_2_17_{machine}.musllinux_1_1_{machine}"
+    return sysconfig.get_platform().replace("-", "_").replace(".", "_")

@@ -1,0 +1,236 @@
+"""Build the library of kernels from what Numba compiled in this process; see `library`.
+
+Every kernel becomes one object file for each level of the processor, named by its source and the
+types of its arguments, so that processes can share the work. The compiler of the system links them
+with the entry points: functions of one block of words, which Python calls by ``ctypes``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import shutil
+import subprocess
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import llvmlite.binding as llvm
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.registry import cpu_target
+
+from flexarm.kernels.compilation import code_library, jit
+from flexarm.kernels.compilation.code_cache import CodeCache
+from flexarm.kernels.compilation.library import INTERFACE, system
+from flexarm.kernels.compilation.number_types import BlocksType
+from flexarm.kernels.compilation.private_folder import sources
+
+#: Processors by the name of a level: what `flexarm_processor` returns at least, and LLVM's name.
+#: The first level that fits is used.
+LEVELS: dict[str, dict[str, tuple[int, str]]] = {
+    "x86_64": {"v3": (3, "x86-64-v3"), "v1": (1, "x86-64")},
+    "aarch64": {"v8": (8, "generic")},
+}
+_INT, _DOUBLE, _BYTE = ir.IntType(64), ir.DoubleType(), ir.IntType(8)
+_RESULTS = {types.none: "", types.float64: "d", types.int64: "q", types.boolean: "?"}
+_PROCESSOR = """
+#if defined(__x86_64__)
+int flexarm_processor(void) {
+  __builtin_cpu_init();
+  int fused = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")
+    && __builtin_cpu_supports("bmi2");
+  return fused ? 3 : 1;
+}
+#else
+int flexarm_processor(void) { return 8; }
+#endif
+"""
+
+
+class Call(NamedTuple):
+    """A call from Python: the kernel and its compiled version, by the text of its arguments."""
+
+    kernel: Any
+    text: str
+    version: Any
+
+
+def _symbol(module: str, name: str, signature: Any) -> str:
+    """Return the name of a kernel's code, the same in every process."""
+    key = f"{module}.{name}{signature}".encode()
+    return f"flexarm_{name}_{hashlib.sha256(key).hexdigest()[:12]}"
+
+
+def _own_symbol(function: Any, version: Any) -> str:
+    return _symbol(function.__module__, function.__qualname__, version.signature)
+
+
+def _standalone(function: Any, version: Any) -> Any:
+    """Return a compiled kernel in LLVM's language, without what Python would call."""
+    module = code_library.module_of(version)
+    names = {one.symbol: _symbol(*one[1:]) for one in code_library.references(version, module)}
+    names[version.fndesc.llvm_func_name] = _own_symbol(function, version)
+    for function in module.functions:
+        if function.name in names:
+            function.name = names[function.name]
+            function.visibility = "hidden"
+        elif not function.is_declaration:
+            function.linkage = "private"
+    for variable in module.global_variables:
+        if not variable.is_declaration:
+            variable.linkage = "internal"
+    return module
+
+
+def _without_unused(module: Any, machine: Any) -> Any:
+    """Remove what nothing refers to from a module."""
+    builder = llvm.create_pass_builder(machine, llvm.PipelineTuningOptions())
+    passes = builder.getModulePassManager()
+    names = "add_global_dead_code_eliminate_pass", "add_global_dce_pass"  # llvmlite 0.45, before
+    next(getattr(passes, name) for name in names if hasattr(passes, name))()
+    passes.run(module, builder)
+    return module
+
+
+def _argument(builder: Any, kind: Any, block: Any, place: list[int]) -> Any:
+    """Return a value of a type of Numba from the words of a block, from ``place`` on."""
+    context = cpu_target.target_context
+    if isinstance(kind, types.BaseTuple):
+        values = [_argument(builder, one, block, place) for one in kind]
+        return context.make_tuple(builder, kind, values)
+    if isinstance(kind, BlocksType):
+        blocks = cgutils.create_struct_proxy(kind)(context, builder)
+        blocks.array = _argument(builder, kind.array, block, place)
+        return blocks._getvalue()
+    at = builder.gep(block, [_INT(place[0])])
+    place[0] += 1
+    if isinstance(kind, types.Array):
+        return _array(builder, kind, builder.load(at), builder.load(block))
+    if kind == types.float64:
+        return builder.load(builder.bitcast(at, _DOUBLE.as_pointer()))
+    if kind == types.boolean:
+        return builder.icmp_signed("!=", builder.load(at), _INT(0))
+    return builder.load(at)
+
+
+def _array(builder: Any, kind: Any, thing: Any, head: Any) -> Any:
+    """Return an array of Numba from the address of NumPy's object, whose fields follow ``head``."""
+    context = cpu_target.target_context
+    place = builder.inttoptr(builder.add(thing, head), _INT.as_pointer())
+    data, _, *sizes = (builder.load(builder.gep(place, [_INT(k)])) for k in range(4))
+    lengths = [
+        [builder.load(builder.gep(builder.inttoptr(start, _INT.as_pointer()), [_INT(k)]))
+         for k in range(kind.ndim)]
+        for start in sizes
+    ]  # fmt: skip
+    array = context.make_array(kind)(context, builder)
+    array.data = builder.inttoptr(data, array.data.type)
+    for name, numbers in zip(("shape", "strides"), lengths, strict=True):
+        setattr(array, name, cgutils.pack_array(builder, numbers, _INT))
+    count = _INT(1)
+    for length in lengths[0]:
+        count = builder.mul(count, length)
+    array.nitems = count
+    array.itemsize = _INT(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    for name in ("meminfo", "parent"):
+        setattr(array, name, cgutils.get_null_value(getattr(array, name).type))
+    return array._getvalue()
+
+
+def _entry(call: Call) -> Any:
+    """Return a module with the entry point of a call: a function of a block of words."""
+    context, version = cpu_target.target_context, call.version
+    symbol = _own_symbol(call.kernel.py_func, version)
+    returned, kinds = version.signature.return_type, version.signature.args
+    result = {"": ir.VoidType(), "d": _DOUBLE, "q": _INT, "?": _BYTE}[_RESULTS[returned]]
+    module = ir.Module(f"entry_{symbol}")
+    function = ir.Function(module, ir.FunctionType(result, [_INT.as_pointer()]), f"entry_{symbol}")
+    builder = ir.IRBuilder(function.append_basic_block())
+    values = [
+        _argument(builder, kind, function.args[0], place) for place in [[1]] for kind in kinds
+    ]
+    convention = context.call_conv.get_function_type(returned, kinds)
+    callee = ir.Function(module, convention, symbol)
+    _, value = context.call_conv.call_function(builder, callee, returned, kinds, values)
+    if returned == types.none:
+        builder.ret_void()
+    else:
+        builder.ret(builder.zext(value, _BYTE) if returned == types.boolean else value)
+    return llvm.parse_assembly(str(module))
+
+
+def export(folder: Path) -> None:
+    """Write object files of all kernels that this process compiled, and of their calls."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    while CodeCache.compiled:
+        function, version = CodeCache.compiled.pop()
+        _emit(_own_symbol(function, version), partial(_standalone, function, version), folder)
+    while jit.calls:
+        call = Call(*jit.calls.pop())
+        returned = call.version.signature.return_type
+        symbol = f"entry_{_own_symbol(call.kernel.py_func, call.version)}"
+        _emit(symbol, partial(_entry, call), folder)
+        name = f"{call.kernel.__module__}.{call.kernel.__qualname__}"
+        held = not call.kernel.options.get("nogil")
+        entry = {"kernel": name, "text": call.text, "code": [symbol, _RESULTS[returned], held]}
+        key = hashlib.sha256(f"{name} {call.text}".encode()).hexdigest()[:16]
+        (folder / f"{key}.call").write_text(json.dumps(entry), encoding="utf-8")
+
+
+def _emit(symbol: str, module: Callable[[], Any], folder: Path) -> None:
+    """Write an object file for each level of the processor."""
+    code = None
+    for level, (_, processor) in LEVELS[platform.machine().lower()].items():
+        path = folder / f"{symbol}_{level}.o"
+        if path.exists():
+            continue  # of another process
+        target = llvm.Target.from_default_triple()
+        machine = target.create_target_machine(cpu=processor, opt=3, reloc="pic", codemodel="small")
+        code = code or _without_unused(module(), machine)
+        copy = code.clone()
+        for function in copy.functions:
+            if function.name.startswith(("flexarm_", "entry_flexarm_")):
+                function.name = f"{function.name}_{level}"
+        path.write_bytes(machine.emit_object(copy))
+
+
+def link(folder: Path, into: Path) -> Path:
+    """Link the object files of a folder to a library with its table, and return its path.
+
+    Raises:
+        OSError: if there is no C compiler, or it fails.
+    """
+    compiler = shutil.which(os.environ.get("CC", "cc"))
+    if compiler is None:
+        raise OSError("a C compiler is needed to link the library of kernels (CC, cc)")
+    (folder / "processor.c").write_text(_PROCESSOR, encoding="utf-8")
+    (folder / "objects").write_text("\n".join(map(str, folder.glob("*.o"))), encoding="utf-8")
+    file = f"kernels-{system()}.so"
+    into.mkdir(parents=True, exist_ok=True)
+    options = ["-O2", "-shared", "-fPIC", "-nostdlib", "-Wl,--strip-all", "-Wl,--gc-sections"]
+    command = [compiler, *options, "processor.c", "@objects", "-lgcc", "-o", str(into / file)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise OSError(done.stderr.strip())
+    codes: dict[str, dict[str, Any]] = {}
+    for path in sorted(folder.glob("*.call")):
+        call = json.loads(path.read_text(encoding="utf-8"))
+        codes.setdefault(call["kernel"], {})[call["text"]] = call["code"]
+    levels = {name: least for name, (least, _) in LEVELS[platform.machine().lower()].items()}
+    table = {
+        "interface": INTERFACE,
+        "sources": sources(),
+        "system": system(),
+        "file": file,
+        "sha256": hashlib.sha256((into / file).read_bytes()).hexdigest(),
+        "levels": levels,
+        "codes": codes,
+    }
+    (into / "kernels.json").write_text(json.dumps(table, indent=1), encoding="utf-8")
+    return into / file
