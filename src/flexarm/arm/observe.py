@@ -103,6 +103,7 @@ def _observed(
     Without ``energies``, they are zero.
     """
     count, constants = len(states), arm.assembly.run_constants
+    states = np.ascontiguousarray(states)  # one compilation serves all
     poses = np.empty((count, arm.assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
     tips = np.empty((count, 6), dtype=states.dtype)
     energy = np.zeros((count, 3), dtype=states.dtype)

@@ -129,6 +129,31 @@ def _estimate() -> None:
         fa.step_jacobian(_arm(), q, q, [0.0, 0.0], 1e-4, method=method)
 
 
+def _mechanism() -> None:
+    bars = [fa.Link(length=length, flexural_rigidity=90.0, mass_per_length=0.5, elements=1)
+            for length in (0.3, 0.9, 0.7)]  # fmt: skip
+    bars[2] = bars[2].replace(parent=0)
+    joints = [fa.Joint(), fa.Joint(), fa.Joint(offset=(1.0, 0.0))]
+    loop = fa.Arm(links=bars, joints=joints, closures=[fa.Closure(link=2, to_link=3)])
+    start = fa.assembled(loop, loop.rest([1.0, -0.5, 1.6]))
+    fa.simulate(loop, 0.01, initial=start.q, initial_rate=start.qd)
+    fa.linearize(loop, fa.equilibrium(loop, start.q[loop.joint_index]))
+
+
+def _sense() -> None:
+    sensors = [fa.Sensor("acceleration", 2), fa.Sensor("velocity", 2)]
+    pressed = fa.Arm(_arm().spec.model_copy(update={"gravity": (0.0, -9.81)}))
+    fa.linearize(pressed, fa.equilibrium(pressed, _START, contacts=[_floor()]))
+    held = fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=_SAMPLE_TIME)
+    felt = fa.Hardware(
+        [
+            fa.Instrument("joint_angle", rate_cutoff=50.0),
+            *(fa.Instrument(s, name=s.kind) for s in sensors),
+        ]
+    )
+    _started(controller=held, reference=_motion(), hardware=felt)
+
+
 def _invert() -> None:
     fa.tip_inversion(_arm(), _motion())
     fa.linearize_along(_arm(), _motion(), rate=3.0)
@@ -138,6 +163,8 @@ def _batch() -> None:
     starts = [_arm().rest(_START)] * 2
     for integrator in ("auto", "kennedy_carpenter_5"):
         fa.simulate_batch(_arm(), 0.01, initial=starts, integrator=integrator, progress=False)
+        heavier = {"payload.mass": [0.0, 0.1]}
+        fa.simulate_batch(_arm(), 0.01, parameters=heavier, integrator=integrator, progress=False)
 
 
 def _differentiate() -> None:
@@ -162,6 +189,8 @@ FEATURES: dict[str, Callable[[], None]] = {
     "nonlinear predictive control": _predictive_control,
     "linear control": lambda: _controlled(fa.LQG(_arm(), _START, sample_time=_SAMPLE_TIME)),
     "closed loops": _loop,
+    "mechanisms": _mechanism,
+    "sensors and contacts in linear models": _sense,
     "prescribed joints": lambda: _started(prescribed={1: fa.PrescribedAngle.hold(0.4)}),
     "batches": _batch,
 }
