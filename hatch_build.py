@@ -50,6 +50,7 @@ class KernelLibrary(BuildHookInterface):
             {str(path): f"{_PLACE}/{path.name}" for path in Path(self._folder.name).iterdir()}
         )
         build_data["pure_python"] = False
+        # ctypes loads the library, so that one wheel serves all versions of Python.
         build_data["tag"] = f"py3-none-{_platform_tag()}"
 
     def _compile(self) -> str:
@@ -58,9 +59,10 @@ class KernelLibrary(BuildHookInterface):
         if missing:
             return f"{', '.join(missing)} not installed for the build"
         self._folder = tempfile.TemporaryDirectory(prefix="flexarm-kernels-")
+        command = [sys.executable, "-m", "flexarm", "warmup"]
         source = os.path.join(self.root, "src")
         done = subprocess.run(
-            [sys.executable, "-m", "flexarm", "warmup", "--into", self._folder.name],
+            [*command, "--into", self._folder.name, "--every-processor"],
             env={**os.environ, "PYTHONPATH": source, "NUMBA_DISABLE_JIT": "0"},
             stderr=subprocess.PIPE,
             text=True,

@@ -196,12 +196,12 @@ FEATURES: dict[str, Callable[[], None]] = {
 }
 
 
-def compile_feature(name: str, folder: Path) -> float:
+def compile_feature(name: str, folder: Path, every: bool) -> float:
     """Compile the kernels of a feature, export them, and return the time of compiling, s."""
     jit.notice.silent = True
     before = compile_seconds()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", fa.FlexarmWarning)  # they concern the example arm
         FEATURES[name]()
-    export(folder)
+    export(folder, every)
     return compile_seconds() - before

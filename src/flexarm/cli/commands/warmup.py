@@ -19,14 +19,20 @@ def warmup(
         Path | None,
         typer.Option(help="Folder of the library; by default the cache of this user."),
     ] = None,
+    every: Annotated[
+        bool,
+        typer.Option(
+            "--every-processor", help="For all processors of this family, not only this one."
+        ),
+    ] = False,
 ) -> None:
     """Compile all kernels to one library, so that no run waits; an installation brings one."""
     from flexarm.kernels.compilation import library
     from flexarm.kernels.compilation.private_folder import cache_folder
 
     screen = console()
-    if into is None and library.loaded() is not None:
-        screen.print(f"The library of kernels is in {library.loaded().folder}.")
+    if into is None and (known := library.loaded()) is not None:
+        screen.print(f"The library of kernels is in {known.folder}.")
         return
     folder = into or cache_folder()
     if folder is None:
@@ -34,20 +40,20 @@ def warmup(
         raise InputError(Problem("the cache folder", rule))
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as scratch:
-        compiled = _compile(Path(scratch))
-        try:
-            from flexarm.kernels.compilation.build import link
+        compiled = _compile(Path(scratch), every)
+        from flexarm.kernels.compilation.build import link
 
-            file = link(Path(scratch), folder)
+        try:
+            files = link(Path(scratch), folder, every)
         except OSError as error:
             raise InputError(Problem("the library of kernels", f"was not built: {error}")) from None
-    took, size = time.perf_counter() - started, file.stat().st_size / 1e6
-    screen.print(
-        f"{file}: {size:.1f} MB after {took:.0f} s, of which compiling {compiled:.0f} s of one core."
-    )
+    took = time.perf_counter() - started
+    for file in files:
+        screen.print(f"{file}: {file.stat().st_size / 1e6:.1f} MB")
+    screen.print(f"Built in {took:.0f} s; compiling took {compiled:.0f} s of one core.")
 
 
-def _compile(scratch: Path) -> float:
+def _compile(scratch: Path, every: bool) -> float:
     """Write object files of all kernels, and return the time of compiling, s."""
     from concurrent.futures import as_completed
 
@@ -70,7 +76,7 @@ def _compile(scratch: Path) -> float:
     compiled = 0.0
     with bar, pool:
         task = bar.add_task("compiling", total=len(FEATURES))
-        waiting = {pool.submit(compile_feature, name, scratch): name for name in FEATURES}
+        waiting = {pool.submit(compile_feature, name, scratch, every): name for name in FEATURES}
         for done in as_completed(waiting):
             compiled += done.result()
             bar.update(task, advance=1, description=f"compiled: {waiting[done]}")

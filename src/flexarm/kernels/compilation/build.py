@@ -13,6 +13,7 @@ import os
 import platform
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -24,18 +25,49 @@ from numba import types
 from numba.core import cgutils
 from numba.core.registry import cpu_target
 
+from flexarm.base.errors import InputError, Problem
+from flexarm.base.writing.replace_file import replace_file
 from flexarm.kernels.compilation import code_library, jit
 from flexarm.kernels.compilation.code_cache import CodeCache
-from flexarm.kernels.compilation.library import INTERFACE, system
+from flexarm.kernels.compilation.library import INTERFACE, TABLE, system
 from flexarm.kernels.compilation.number_types import BlocksType
 from flexarm.kernels.compilation.private_folder import sources
 
-#: Processors by the name of a level: what `flexarm_processor` returns at least, and LLVM's name.
-#: The first level that fits is used.
-LEVELS: dict[str, dict[str, tuple[int, str]]] = {
-    "x86_64": {"v3": (3, "x86-64-v3"), "v1": (1, "x86-64")},
-    "aarch64": {"v8": (8, "generic")},
+
+class Level(NamedTuple):
+    """Processors that share machine code; the first level of a family that fits is used."""
+
+    name: str
+    least: int  # what `flexarm_processor` returns at least
+    processor: str  # LLVM's name
+    features: tuple[str, ...]  # LLVM's names
+
+
+LEVELS = {
+    "x86_64": (
+        Level("v3", 3, "x86-64-v3", ("avx2", "bmi2", "fma")),
+        Level("v1", 1, "x86-64", ()),
+    ),
+    "aarch64": (Level("v8", 1, "generic", ()),),
+    "arm64": (Level("v8", 1, "generic", ()),),
 }
+
+
+def levels(every: bool) -> list[Level]:
+    """Return the levels of this family of processors; the one of this processor unless ``every``.
+
+    Raises:
+        InputError: for another family.
+    """
+    family = LEVELS.get(platform.machine().lower())
+    if family is None:
+        rule = f"is built for {', '.join(LEVELS)}"
+        raise InputError(Problem("the library of kernels", rule, platform.machine()))
+    here = llvm.get_host_cpu_features()
+    fitting = [level for level in family if all(here.get(name) for name in level.features)]
+    return list(family) if every else fitting[:1]
+
+
 _INT, _DOUBLE, _BYTE = ir.IntType(64), ir.DoubleType(), ir.IntType(8)
 _RESULTS = {types.none: "", types.float64: "d", types.int64: "q", types.boolean: "?"}
 _PROCESSOR = """
@@ -47,7 +79,7 @@ int flexarm_processor(void) {
   return fused ? 3 : 1;
 }
 #else
-int flexarm_processor(void) { return 8; }
+int flexarm_processor(void) { return 1; }
 #endif
 """
 
@@ -101,7 +133,8 @@ def _argument(builder: Any, kind: Any, block: Any, place: list[int]) -> Any:
     """Return a value of a type of Numba from the words of a block, from ``place`` on."""
     context = cpu_target.target_context
     if isinstance(kind, types.BaseTuple):
-        values = [_argument(builder, one, block, place) for one in kind]
+        parts: Any = kind
+        values = [_argument(builder, part, block, place) for part in parts]
         return context.make_tuple(builder, kind, values)
     if isinstance(kind, BlocksType):
         blocks = cgutils.create_struct_proxy(kind)(context, builder)
@@ -164,18 +197,20 @@ def _entry(call: Call) -> Any:
     return llvm.parse_assembly(str(module))
 
 
-def export(folder: Path) -> None:
+def export(folder: Path, every: bool = False) -> None:
     """Write object files of all kernels that this process compiled, and of their calls."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     while CodeCache.compiled:
         function, version = CodeCache.compiled.pop()
-        _emit(_own_symbol(function, version), partial(_standalone, function, version), folder)
+        _emit(
+            _own_symbol(function, version), partial(_standalone, function, version), folder, every
+        )
     while jit.calls:
         call = Call(*jit.calls.pop())
         returned = call.version.signature.return_type
         symbol = f"entry_{_own_symbol(call.kernel.py_func, call.version)}"
-        _emit(symbol, partial(_entry, call), folder)
+        _emit(symbol, partial(_entry, call), folder, every)
         name = f"{call.kernel.__module__}.{call.kernel.__qualname__}"
         held = not call.kernel.options.get("nogil")
         entry = {"kernel": name, "text": call.text, "code": [symbol, _RESULTS[returned], held]}
@@ -183,54 +218,65 @@ def export(folder: Path) -> None:
         (folder / f"{key}.call").write_text(json.dumps(entry), encoding="utf-8")
 
 
-def _emit(symbol: str, module: Callable[[], Any], folder: Path) -> None:
+def _emit(symbol: str, module: Callable[[], Any], folder: Path, every: bool) -> None:
     """Write an object file for each level of the processor."""
     code = None
-    for level, (_, processor) in LEVELS[platform.machine().lower()].items():
-        path = folder / f"{symbol}_{level}.o"
+    for level in levels(every):
+        path = folder / level.name / f"{symbol}.o"
         if path.exists():
             continue  # of another process
         target = llvm.Target.from_default_triple()
-        machine = target.create_target_machine(cpu=processor, opt=3, reloc="pic", codemodel="small")
+        options = {"opt": 3, "reloc": "pic", "codemodel": "small"}
+        machine = target.create_target_machine(cpu=level.processor, **options)
         code = code or _without_unused(module(), machine)
-        copy = code.clone()
-        for function in copy.functions:
-            if function.name.startswith(("flexarm_", "entry_flexarm_")):
-                function.name = f"{function.name}_{level}"
-        path.write_bytes(machine.emit_object(copy))
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(machine.emit_object(code))
 
 
-def link(folder: Path, into: Path) -> Path:
-    """Link the object files of a folder to a library with its table, and return its path.
+def link(folder: Path, into: Path, every: bool = False) -> list[Path]:
+    """Link the object files of a folder to libraries, one for each level, and write their table.
 
     Raises:
         OSError: if there is no C compiler, or it fails.
     """
-    compiler = shutil.which(os.environ.get("CC", "cc"))
-    if compiler is None:
-        raise OSError("a C compiler is needed to link the library of kernels (CC, cc)")
-    (folder / "processor.c").write_text(_PROCESSOR, encoding="utf-8")
-    (folder / "objects").write_text("\n".join(map(str, folder.glob("*.o"))), encoding="utf-8")
-    file = f"kernels-{system()}.so"
+    files = {level: into / f"kernels-{system()}-{level.name}.so" for level in levels(every)}
     into.mkdir(parents=True, exist_ok=True)
-    options = ["-O2", "-shared", "-fPIC", "-nostdlib", "-Wl,--strip-all", "-Wl,--gc-sections"]
-    command = [compiler, *options, "processor.c", "@objects", "-lgcc", "-o", str(into / file)]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise OSError(done.stderr.strip())
+    for level, file in files.items():
+        _link(folder / level.name, file)
     codes: dict[str, dict[str, Any]] = {}
     for path in sorted(folder.glob("*.call")):
         call = json.loads(path.read_text(encoding="utf-8"))
         codes.setdefault(call["kernel"], {})[call["text"]] = call["code"]
-    levels = {name: least for name, (least, _) in LEVELS[platform.machine().lower()].items()}
     table = {
         "interface": INTERFACE,
         "sources": sources(),
         "system": system(),
-        "file": file,
-        "sha256": hashlib.sha256((into / file).read_bytes()).hexdigest(),
-        "levels": levels,
+        "files": [
+            [level.least, file.name, hashlib.sha256(file.read_bytes()).hexdigest()]
+            for level, file in files.items()
+        ],
         "codes": codes,
     }
-    (into / "kernels.json").write_text(json.dumps(table, indent=1), encoding="utf-8")
-    return into / file
+    replace_file(into / TABLE, [json.dumps(table, indent=1).encode()])
+    return list(files.values())
+
+
+def _link(objects: Path, file: Path) -> None:
+    """Link the objects of a level, without the C library, whose version then does not matter."""
+    compiler = shutil.which(os.environ.get("CC", "cc"))
+    if compiler is None:
+        raise OSError("a C compiler is needed to link it (CC, cc)")
+    (objects / "processor.c").write_text(_PROCESSOR, encoding="utf-8")
+    names = "\n".join(path.name for path in sorted(objects.glob("*.o")))
+    (objects / "objects").write_text(names, encoding="utf-8")
+    options = ["-O2", "-shared", "-fPIC", "-nostdlib", "-Wl,--strip-all", "-Wl,--gc-sections"]
+    if sys.platform == "darwin":
+        options = ["-O2", "-dynamiclib", "-undefined", "dynamic_lookup", "-Wl,-dead_strip"]
+    scratch = objects / file.name  # a process that has the old file open keeps it
+    command = [compiler, *options, "processor.c", "@objects", "-lgcc", "-o", str(scratch)]
+    if sys.platform == "darwin":
+        command.remove("-lgcc")
+    done = subprocess.run(command, cwd=objects, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise OSError(done.stderr.strip())
+    replace_file(file, [scratch.read_bytes()])

@@ -76,6 +76,7 @@ class Kernel:
     """
 
     __module__: str
+    __name__: str
     __qualname__: str
 
     def __init__(

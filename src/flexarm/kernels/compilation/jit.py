@@ -83,6 +83,7 @@ def code(kernel: Kernel, kinds: Kinds, arguments: tuple[Any, ...]) -> Callable[.
 
 @typeof_impl.register(Kernel)
 def _type_of_kernel(kernel: Any, context: Any) -> Any:
+    declare_all()
     return types.Dispatcher(kernel.dispatcher)
 
 

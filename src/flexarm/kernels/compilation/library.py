@@ -30,6 +30,8 @@ from flexarm.kernels.compilation.private_folder import cache_folder, sources
 Kinds = tuple[Any, ...]
 #: Version of what a library and its callers agree on: words, entry points, the table.
 INTERFACE = 1
+#: File beside a library: what it fits, its files by processor, and symbols by kernel and types.
+TABLE = "kernels.json"
 #: "compile": do not use a library; "library": never compile; otherwise compile what it lacks.
 CHOICE = os.environ.get("FLEXARM_KERNELS", "")
 #: Folder of the library that comes with an installation.
@@ -151,36 +153,36 @@ class Library:
     """A library of kernels, loaded.
 
     Raises:
-        OSError: if the file cannot be read or loaded, or does not fit the system, the sources or
-            the version of the interface.
+        OSError: if the file cannot be read or loaded, or does not fit the system, the sources, the
+            processor or the version of the interface.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        table = json.loads((folder / "kernels.json").read_text(encoding="utf-8"))
-        fits = {"interface": INTERFACE, "sources": sources(), "system": system()}
-        for name, value in fits.items():
+        table = json.loads((folder / TABLE).read_text(encoding="utf-8"))
+        for name, value in (("interface", INTERFACE), ("system", system()), ("sources", sources())):
             if table.get(name) != value:
                 raise OSError(f"{name} {table.get(name)} of {folder} instead of {value}")
-        file = folder / table["file"]
-        if hashlib.sha256(file.read_bytes()).hexdigest() != table["sha256"]:
-            raise OSError(f"{file} is damaged")
-        self._released, self._held = ctypes.CDLL(str(file)), ctypes.PyDLL(str(file))
-        level = self._held.flexarm_processor()
-        fitting = [name for name, least in table["levels"].items() if level >= least]
-        if not fitting:
+        for least, name, digest in table["files"]:
+            file = folder / name
+            if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
+                raise OSError(f"{file} is damaged")
+            self._held = ctypes.PyDLL(str(file))
+            if self._held.flexarm_processor() >= least:
+                break
+        else:
             raise OSError("this processor is older than those of the library")
-        self._level, self._codes = fitting[0], table["codes"]
+        self._released = ctypes.CDLL(str(file))
+        self._codes = table["codes"]
 
     def code(self, kernel: str, kinds: Kinds) -> Code | None:
         """Return the code of a kernel for kinds of arguments, or None."""
         try:
             text = signature(kinds)
-            entry = self._codes[kernel][text]
+            symbol, result, held = self._codes[kernel][text]
         except KeyError:
             return None
-        symbol, result, held = entry
-        function = getattr(self._held if held else self._released, f"{symbol}_{self._level}")
+        function = getattr(self._held if held else self._released, symbol)
         function.argtypes, function.restype = [ctypes.c_char_p], _RESULTS[result]
         return Code(function, text)
 
