@@ -32,7 +32,7 @@ help: ## list the chores
 # One environment for users' and developers' chores; rebuilt when the dependencies change.
 $(VENV)/.ready-demo: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[jit]"
 	touch $@
 
 $(VENV)/.ready-dev: pyproject.toml

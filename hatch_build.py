@@ -23,7 +23,8 @@ class KernelLibrary(BuildHookInterface):
     """Compile the kernels, which takes some minutes; without a compiler the wheel has none.
 
     Kernels then compile when they are first used, with the extra ``jit``. The environment variable
-    ``FLEXARM_BUILD=pure`` asks for such a wheel, ``FLEXARM_BUILD=library`` for an error instead.
+    ``FLEXARM_BUILD=pure`` asks for such a wheel. ``FLEXARM_BUILD=release`` compiles for all
+    processors of the family, names the wheel so, and raises an error if that fails.
     """
 
     def dependencies(self) -> list[str]:
@@ -38,8 +39,8 @@ class KernelLibrary(BuildHookInterface):
         wish = os.environ.get("FLEXARM_BUILD", "")
         if version == "editable" or wish == "pure":
             return
-        failure = self._compile()
-        if failure and wish == "library":
+        failure = self._compile(every=wish == "release")
+        if failure and wish == "release":
             raise RuntimeError(failure)
         if failure:
             self.app.display_warning(
@@ -51,9 +52,9 @@ class KernelLibrary(BuildHookInterface):
         )
         build_data["pure_python"] = False
         # ctypes loads the library, so that one wheel serves all versions of Python.
-        build_data["tag"] = f"py3-none-{_platform_tag()}"
+        build_data["tag"] = f"py3-none-{_platform(wish)}"
 
-    def _compile(self) -> str:
+    def _compile(self, every: bool) -> str:
         """Compile into a temporary folder; return why that failed, or nothing."""
         missing = [name for name in _CORE if importlib.util.find_spec(name) is None]
         if missing:
@@ -62,7 +63,7 @@ class KernelLibrary(BuildHookInterface):
         command = [sys.executable, "-m", "flexarm", "warmup"]
         source = os.path.join(self.root, "src")
         done = subprocess.run(
-            [*command, "--into", self._folder.name, "--every-processor"],
+            [*command, "--into", self._folder.name, *(["--every-processor"] if every else [])],
             env={**os.environ, "PYTHONPATH": source, "NUMBA_DISABLE_JIT": "0"},
             stderr=subprocess.PIPE,
             text=True,
@@ -71,9 +72,9 @@ class KernelLibrary(BuildHookInterface):
         return done.stderr.strip() if done.returncode else ""
 
 
-def _platform_tag() -> str:
-    """Return the platforms of a library without symbols of a C library: any version of Linux's."""
+def _platform(wish: str) -> str:
+    """Return the platforms of a wheel; a release needs no symbol of a certain C library."""
     machine = platform.machine().lower()
-    if sys.platform == "linux":
+    if wish == "release" and sys.platform == "linux":
         return f"manylinux_2_17_{machine}.musllinux_1_1_{machine}"
     return sysconfig.get_platform().replace("-", "_").replace(".", "_")

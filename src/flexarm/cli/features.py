@@ -196,12 +196,13 @@ FEATURES: dict[str, Callable[[], None]] = {
 }
 
 
-def compile_feature(name: str, folder: Path, every: bool) -> float:
-    """Compile the kernels of a feature, export them, and return the time of compiling, s."""
+def compile_feature(name: str, folder: Path | None, every: bool) -> float:
+    """Compile the kernels of a feature; return the time, s. Export them to a folder, if given."""
     jit.notice.silent = True
     before = compile_seconds()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", fa.FlexarmWarning)  # they concern the example arm
         FEATURES[name]()
-    export(folder, every)
+    if folder is not None:
+        export(folder, every)
     return compile_seconds() - before

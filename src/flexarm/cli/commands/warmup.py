@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 import time
 from pathlib import Path
@@ -31,7 +32,12 @@ def warmup(
     from flexarm.kernels.compilation.private_folder import cache_folder
 
     screen = console()
-    if into is None and (known := library.loaded()) is not None:
+    known = None if every else library.loaded()
+    if known is not None:
+        if into is not None:
+            into.mkdir(parents=True, exist_ok=True)
+            for name in (library.TABLE, known.file.name):
+                shutil.copy(known.folder / name, into / name)
         screen.print(f"The library of kernels is in {known.folder}.")
         return
     folder = into or cache_folder()
@@ -39,22 +45,34 @@ def warmup(
         rule = "cannot be created as a private folder of this user"
         raise InputError(Problem("the cache folder", rule))
     started = time.perf_counter()
-    with tempfile.TemporaryDirectory() as scratch:
-        compiled = _compile(Path(scratch), every)
-        from flexarm.kernels.compilation.build import link
-
-        try:
-            files = link(Path(scratch), folder, every)
-        except OSError as error:
-            raise InputError(Problem("the library of kernels", f"was not built: {error}")) from None
+    if into is None and shutil.which(os.environ.get("CC", "cc")) is None:
+        compiled = _compile(None, every)
+        screen.print("There is no C compiler (CC, cc) to link a library: each kernel has a file.")
+    else:
+        with tempfile.TemporaryDirectory() as scratch:
+            compiled = _compile(Path(scratch), every)
+            for file in _linked(Path(scratch), folder, every):
+                screen.print(f"{file}: {file.stat().st_size / 1e6:.1f} MB")
     took = time.perf_counter() - started
-    for file in files:
-        screen.print(f"{file}: {file.stat().st_size / 1e6:.1f} MB")
-    screen.print(f"Built in {took:.0f} s; compiling took {compiled:.0f} s of one core.")
+    screen.print(f"Ready after {took:.0f} s; compiling took {compiled:.0f} s of one core.")
 
 
-def _compile(scratch: Path, every: bool) -> float:
-    """Write object files of all kernels, and return the time of compiling, s."""
+def _linked(scratch: Path, folder: Path, every: bool) -> list[Path]:
+    """Link a library.
+
+    Raises:
+        InputError: if that is not possible.
+    """
+    from flexarm.kernels.compilation.build import link
+
+    try:
+        return link(scratch, folder, every)
+    except OSError as error:
+        raise InputError(Problem("the library of kernels", f"was not built: {error}")) from None
+
+
+def _compile(scratch: Path | None, every: bool) -> float:
+    """Compile all kernels, and return the time, s; with ``scratch``, write object files there."""
     from concurrent.futures import as_completed
 
     from rich.progress import (
@@ -68,8 +86,10 @@ def _compile(scratch: Path, every: bool) -> float:
     from flexarm.base.processes import process_pool, usable_cores
     from flexarm.cli.features import FEATURES, compile_feature
 
-    # Code from a cache could not be exported, and code of a library is finished.
-    os.environ |= {"XDG_CACHE_HOME": str(scratch), "FLEXARM_KERNELS": "compile"}
+    # The processes inherit this: code of a library is finished, code of a cache not exported.
+    os.environ["FLEXARM_KERNELS"] = "compile"
+    if scratch is not None:
+        os.environ["FLEXARM_CACHE"] = str(scratch)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     bar = Progress(*columns, TimeElapsedColumn(), console=console(), transient=True)
     pool = process_pool(min(usable_cores(), len(FEATURES)), int)

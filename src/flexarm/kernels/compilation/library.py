@@ -167,7 +167,7 @@ class Library:
             file = folder / name
             if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
                 raise OSError(f"{file} is damaged")
-            self._held = ctypes.PyDLL(str(file))
+            self.file, self._held = file, ctypes.PyDLL(str(file))
             if self._held.flexarm_processor() >= least:
                 break
         else:

@@ -35,7 +35,8 @@ def sources() -> str:
 def cache_folder() -> Path | None:
     """Return the folder for these sources, created if missing; None if no folder is private.
 
-    It is in the user's cache folder or, if that is not writable, in a folder of the temporary
+    It is in the folder that the environment variable ``FLEXARM_CACHE`` names, by default the user's
+    cache folder, or, if that is not writable, in a folder of the temporary
     directory that belongs to this user and that nobody else can open.
     """
     name = f"kernels-{sources()}"
@@ -55,7 +56,7 @@ def cache_folder() -> Path | None:
 
 
 def _roots() -> Iterator[Path]:
-    home = Path(user_cache_dir("flexarm"))
+    home = Path(os.environ.get("FLEXARM_CACHE") or user_cache_dir("flexarm"))
     if home.is_absolute():  # the path of a user without a home directory starts with "~"
         yield home
     try:

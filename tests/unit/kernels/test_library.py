@@ -1,0 +1,175 @@
+"""The library of kernels: the same bits as compiled on the spot, without Numba, or none at all."""
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from flexarm.kernels.compilation import library
+from flexarm.kernels.compilation.packs import Packs
+
+pytestmark = pytest.mark.compiled
+
+#: Results of calls that use the kernels of most wings; each prints a digest of all its bits.
+CALLS = """
+import hashlib, json, sys, warnings
+import numpy as np
+if "without numba" in sys.argv:
+    sys.modules["numba"] = sys.modules["llvmlite"] = None
+import flexarm as fa
+
+warnings.simplefilter("ignore", fa.FlexarmWarning)
+arm = fa.load_arm("paper")
+q, still = arm.rest([0.3, -0.4]), np.zeros(arm.dof)
+torque = lambda t: [0.2 * np.sin(3.0 * t), 0.05]
+
+def of_dataset(dataset):
+    return np.concatenate([dataset[name].values.ravel() for name in sorted(dataset.data_vars)
+                           if dataset[name].dtype.kind == "f"])
+
+calls = {
+    "dynamics": lambda: arm.forward_dynamics(q, still + 0.1, [0.2, 0.1]),
+    "explicit": lambda: of_dataset(
+        fa.simulate(arm, 0.2, torque=torque, initial=q, integrator="dormand_prince_8")),
+    "implicit": lambda: of_dataset(
+        fa.simulate(arm, 0.2, torque=torque, initial=q, integrator="kennedy_carpenter_5")),
+    "lanes": lambda: of_dataset(
+        fa.simulate_batch(arm, 0.1, initial=[q, 0.5 * q, 0.2 * q], progress=False)),
+    "duals": lambda: of_dataset(fa.sensitivities(arm, 0.01, ["payload.mass"])),
+    "matrices": lambda: np.concatenate(
+        [np.ravel(arm.mass_matrix(q)), np.ravel(fa.linearize(arm, bent).A)]),
+}
+bent = fa.equilibrium(arm, [0.3, -0.4])
+names = [name for name in sys.argv[1:] if name in calls]
+digests = {name: hashlib.sha256(np.ascontiguousarray(calls[name]()).tobytes()).hexdigest()
+           for name in names}
+print(json.dumps([digests, "numba" in sys.modules and sys.modules["numba"] is not None]))
+"""
+
+
+def called(choice, *arguments):
+    """Return the digests of calls in a new process, and whether it imported Numba."""
+    done = subprocess.run(
+        [sys.executable, "-c", CALLS, *arguments],
+        env={**os.environ, "FLEXARM_KERNELS": choice},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.sampled("dynamics")
+@pytest.mark.parametrize("name", ["dynamics", "explicit", "implicit", "lanes", "duals", "matrices"])
+def test_library_has_the_bits_of_kernels_compiled_on_the_spot(name):
+    assert library.loaded() is not None, "flexarm warmup builds the library"
+    built, imported = called("library", name, "without numba")
+    assert not imported
+    compiled, imported = called("compile", name)
+    assert imported
+    assert built == compiled
+    assert set(built) == {name}
+
+
+def test_a_run_with_the_library_does_not_import_numba():
+    _, imported = called("", "explicit", "matrices")
+    assert not imported
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Return a copy of the library of this process."""
+    known = library.loaded()
+    assert known is not None, "flexarm warmup builds the library"
+    for name in (library.TABLE, known.file.name):
+        shutil.copy(known.folder / name, tmp_path / name)
+    return tmp_path
+
+
+def changed(folder, **values):
+    """Write other values to the table of a library."""
+    path = folder / library.TABLE
+    table = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps({**table, **values}), encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("interface", library.INTERFACE + 1), ("sources", "of another version"), ("system", "cp/m")],
+)
+def test_library_of_another_kind_is_refused(folder, name, value):
+    library.Library(folder)
+    changed(folder, **{name: value})
+    with pytest.raises(OSError, match=f"^{name} {value}"):
+        library.Library(folder)
+
+
+def test_damaged_library_is_refused(folder):
+    file = library.Library(folder).file
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.unlink()  # the file that this process has mapped must not change
+    file.write_bytes(content)
+    with pytest.raises(OSError, match="is damaged"):
+        library.Library(folder)
+
+
+def test_library_that_does_not_load_is_refused(folder):
+    file = library.Library(folder).file
+    file.unlink()
+    file.write_bytes(b"no machine code")
+    digest = hashlib.sha256(b"no machine code").hexdigest()
+    changed(folder, files=[[1, file.name, digest]])
+    with pytest.raises(OSError, match=r"invalid ELF|too short|mach-o"):
+        library.Library(folder)
+
+
+def test_library_for_newer_processors_is_refused(folder):
+    known = library.Library(folder)
+    digest = hashlib.sha256(known.file.read_bytes()).hexdigest()
+    changed(folder, files=[[1000, known.file.name, digest]])
+    with pytest.raises(OSError, match="older than those of the library"):
+        library.Library(folder)
+    changed(folder, files=[[1000, known.file.name, digest], [1, known.file.name, digest]])
+    library.Library(folder)
+
+
+def test_without_a_fitting_library_there_is_none(folder, monkeypatch):
+    monkeypatch.setattr(library, "_folders", lambda: iter([folder]))
+    library.loaded.cache_clear()
+    try:
+        assert library.loaded().folder == folder
+        changed(folder, sources="of another version")
+        library.loaded.cache_clear()
+        assert library.loaded() is None
+    finally:
+        monkeypatch.undo()
+        library.loaded.cache_clear()
+
+
+def text(*arguments):
+    """Return the signature of arguments."""
+    kinds, words = [], []
+    library.flatten(arguments, kinds, words)
+    return library.signature(tuple(kinds))
+
+
+def test_signature_tells_types_axes_and_memory_layout_apart():
+    square = np.zeros((2, 3))
+    assert text(square, 1.0, 2, True, np.float64(3.0)) == "f8:2C d q ? d"
+    assert text(square.T) == "f8:2F"
+    assert text(square[:, 1:]) == "f8:2A"
+    assert text((square, (1, 2.0))) == "(2 f8:2C (2 q d"
+    assert text(Packs.zeros(2, 3)) == "Packs:3"
+    assert text(np.zeros(2, dtype=np.int16), np.zeros(1, dtype=complex)) == "i2:1C c16:1C"
+    square.flags.writeable = False
+    assert text(square) == "f8:2Cr"
+    assert text(np.zeros(2, dtype=">f8")) == ">f8:1C"
+    with pytest.raises(KeyError):
+        text("a text")
