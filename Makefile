@@ -32,17 +32,17 @@ help: ## list the chores
 # One environment for users' and developers' chores; rebuilt when the dependencies change.
 $(VENV)/.ready-demo: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[jit]"
+	FLEXARM_BUILD=pure $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[jit]"
 	touch $@
 
 $(VENV)/.ready-dev: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --editable ".[dev]"
+	FLEXARM_BUILD=pure $(BIN)/python -m pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --editable ".[dev]"
 	touch $@
 
 # The programs that `make peers` compares with; their tests then run in `make test` too.
 $(VENV)/.ready-peers: $(VENV)/.ready-dev
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[peers]"
+	FLEXARM_BUILD=pure $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[peers]"
 	touch $@
 
 demo: $(VENV)/.ready-demo ## reproduce the paper's example: figures in out/paper

@@ -1,4 +1,4 @@
-"""Time of the first use of each feature on a machine without compiled kernels.
+"""Time of the first use of each feature: with the library of kernels, and without compiled kernels.
 
 `python -m benchmarks.first_run` prints only this table, after some minutes.
 """
@@ -61,9 +61,10 @@ def _integrate(name: str) -> str:
 
 
 class First(NamedTuple):
-    """A feature and the time of its first use."""
+    """A feature and the time of its first use, with the library and with kernels to compile."""
 
     feature: Feature
+    library: Wait
     wait: Wait
 
 
@@ -98,18 +99,28 @@ def first_uses(
     """
     with tempfile.TemporaryDirectory() as text:
         folder = Path(text)
-        found = [First(one, _wait(one, folder, f"alone-{k}")) for k, one in enumerate(alone)]
+        found = [
+            First(one, _with_library(one, folder), _wait(one, folder, f"alone-{k}"))
+            for k, one in enumerate(alone)
+        ]
         if further:
             _wait(after, folder, "after")
         for k, one in enumerate(further):
             cache = f"further-{k}"
             shutil.copytree(folder / "after", folder / cache)
-            found.append(First(one, _wait(one, folder, cache)))
+            found.append(First(one, _with_library(one, folder), _wait(one, folder, cache)))
         return found
 
 
 def _wait(feature: Feature, folder: Path, cache: str) -> Wait:
-    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / cache), "PYTHONPATH": _path()}
+    compiling = {"FLEXARM_CACHE": str(folder / cache), "FLEXARM_KERNELS": "compile"}
+    environment = {**os.environ, **compiling, "PYTHONPATH": _path()}
+    return wait([sys.executable, *feature.arguments], environment, folder)
+
+
+def _with_library(feature: Feature, folder: Path) -> Wait:
+    """Time a feature with the library, which must have all of its kernels."""
+    environment = {**os.environ, "FLEXARM_KERNELS": "library", "PYTHONPATH": _path()}
     return wait([sys.executable, *feature.arguments], environment, folder)
 
 

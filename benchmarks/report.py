@@ -227,10 +227,11 @@ include those of ffmpeg.
 
 ## First run
 
-Each feature runs in its own process and compiles its kernels; the times include the start of the
-process. The first two features begin with an empty kernel cache, the others with the cache after
-`simulate`. `flexarm warmup` compiles all of them in one call. CPU seconds exceed the elapsed
-seconds if several processes work in parallel; the goals are elapsed seconds on two idle cores.
+Each feature runs in its own process; the times include the start of the process. The first two
+columns are those of an installation with the library of kernels. The next two are without it, when
+kernels compile: the first two features begin with an empty kernel cache, the others with the cache
+after `simulate`. CPU seconds exceed the elapsed seconds if several processes work in parallel; the
+goals are elapsed seconds of compiling on two idle cores.
 
 {first_run_table(m.first)}
 
@@ -439,8 +440,12 @@ def pictures_table(found: dict[str, Wait]) -> str:
 
 def first_run_table(found: Sequence[First]) -> str:
     """Return the table of the measurements of ``first_run.first_uses``."""
-    rows = [(one.feature.name, *_cells(one.wait), f"{one.feature.goal:g}") for one in found]
-    return _table(("first use of", "seconds", "CPU seconds", "goal"), rows)
+    rows = [
+        (one.feature.name, *_cells(one.library), *_cells(one.wait), f"{one.feature.goal:g}")
+        for one in found
+    ]
+    header = ("first use of", "seconds", "CPU seconds", "seconds, compiling", "CPU seconds", "goal")
+    return _table(header, rows)
 
 
 def _cells(wait: Wait) -> tuple[str, str]:

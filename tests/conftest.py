@@ -9,10 +9,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Plots open no windows.
 os.environ.setdefault("MPLBACKEND", "Agg")
 
-import numba
 import pytest
 from hypothesis import settings
 
+from flexarm.kernels.compilation.cache import INTERPRETED
 from slowest import SLOWEST
 
 # The first example of a test may compile a kernel for seconds, so there is no deadline. Examples
@@ -28,7 +28,7 @@ _RANKS = {Path(__file__).parent / file: rank for rank, file in enumerate(SLOWEST
 def pytest_configure(config: pytest.Config) -> None:
     """With NUMBA_DISABLE_JIT=1, let kernels compute infinities without warnings, as compiled ones
     do."""
-    if numba.config.DISABLE_JIT:
+    if INTERPRETED:
         for event in ("overflow", "invalid value", "divide by zero"):
             config.addinivalue_line("filterwarnings", f"ignore:{event}:RuntimeWarning")
 
@@ -51,7 +51,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in filter(_is_thorough_case, items):
         item.add_marker(pytest.mark.thorough)
     items.sort(key=lambda item: _RANKS.get(item.path, len(_RANKS)))
-    if numba.config.DISABLE_JIT:
+    if INTERPRETED:
         for item in items:
             if item.get_closest_marker("compiled"):
                 item.add_marker(pytest.mark.skip(reason="about compiled kernels, or too long"))

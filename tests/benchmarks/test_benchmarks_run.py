@@ -111,7 +111,7 @@ def test_measurements_are_written_to_the_page(tmp_path: Path, points: list[Point
         imports=startup.import_seconds(repeats=1),
         help=startup.help_seconds(repeats=1),
         runs={name: startup.Wait(1.0, 1.0) for name in ("paper", "run")},
-        first=[First(first_run.ALONE[0], startup.Wait(20.0, 12.5))],
+        first=[First(first_run.ALONE[0], startup.Wait(2.0, 1.5), startup.Wait(20.0, 12.5))],
         memory=startup.memory_megabytes(seconds=0.01),
         comparisons=[forward_dynamics.Comparison("linear", 0.1, 0.1, 10.0, 50.0, None, None)],
         links=forward_dynamics.scaling_in_links(counts=(2, 256), repeats=1),

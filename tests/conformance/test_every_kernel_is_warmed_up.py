@@ -1,62 +1,39 @@
-"""`flexarm warmup` compiles every kernel with machine code of its own."""
+"""The library contains every kernel that Python calls, so that nothing compiles on first use."""
 
-import subprocess
-import sys
+import json
+import pkgutil
+from importlib import import_module
 
 import pytest
 
-PROGRAM = """
-import pkgutil
-import sys
-from importlib import import_module
-from types import FunctionType
-
 import flexarm
-from flexarm.cli.features import FEATURES, compile_feature
+from flexarm.kernels.compilation import library
+from flexarm.kernels.compilation.cache import Kernel
 
-for name in FEATURES:
-    compile_feature(name)
-NAMES = "kernels integrate histories engine loop simulation control_design estimation controllers"
-LAYERS = tuple(f"flexarm.{name}." for name in NAMES.split())
-for module in pkgutil.walk_packages(flexarm.__path__, "flexarm."):
-    if module.name.startswith(LAYERS):
-        import_module(module.name)
-kernels = [
-    kernel
-    for name, module in sorted(sys.modules.items())
-    for kernel in (vars(module).values() if name.startswith(LAYERS) else ())
-    if hasattr(kernel, "overloads") and kernel.__module__ == name
-]
-ready = set()
+#: Kernels that only tests call from Python.
+TESTED = {
+    "flexarm.kernels.recursion.articulated_body.implicit_dynamics",
+    "flexarm.kernels.recursion.implicit_step.add_to_diagonal",
+}
 
 
-def reach(kernel):
-    # A kernel that comes from disk brings those with it that it calls, also by functions such as
-    # `combine`, which have other code for arrays of numbers.
-    if kernel not in ready:
-        ready.add(kernel)
-        function = getattr(kernel, "py_func", kernel)
-        for name in function.__code__.co_names:
-            called = function.__globals__.get(name)
-            plain = isinstance(called, FunctionType) and called.__module__.startswith(LAYERS)
-            if plain or hasattr(called, "overloads"):
-                reach(called)
+def called_kernels():
+    """Return the names of the kernels of the package that Python can call."""
+    names = set()
+    for wing in ("kernels", "integrate"):
+        package = import_module(f"flexarm.{wing}")
+        for module in pkgutil.walk_packages(package.__path__, f"flexarm.{wing}."):
+            for kernel in vars(import_module(module.name)).values():
+                if isinstance(kernel, Kernel) and not kernel.inside:
+                    names.add(f"{kernel.__module__}.{kernel.__qualname__}")
+    return names
 
 
-for kernel in kernels:
-    if kernel.overloads:
-        reach(kernel)
-for kernel in kernels:
-    print(f"{kernel.__module__}.{kernel.__name__}", kernel in ready)
-"""
-
-
-@pytest.mark.thorough
-def test_every_kernel_is_warmed_up():
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    ready = dict(line.split() for line in done.stdout.splitlines())
-    assert "flexarm.integrate.explicit_runge_kutta.explicit.advance_explicit" in ready
-    assert [name for name, there in ready.items() if there != "True"] == []
+@pytest.mark.compiled
+def test_library_contains_every_kernel():
+    known = library.loaded()
+    assert known is not None, "flexarm warmup builds the library"
+    table = json.loads((known.folder / library.TABLE).read_text(encoding="utf-8"))
+    names = called_kernels()
+    assert f"{flexarm.__name__}.integrate.explicit_runge_kutta.explicit.advance_explicit" in names
+    assert sorted(names - TESTED - set(table["codes"])) == []

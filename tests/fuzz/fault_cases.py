@@ -24,8 +24,7 @@ import numpy as np
 import flexarm as fa
 from flexarm.cases.results import write_figure
 from flexarm.cli.failures import end_orderly_when_terminated
-from flexarm.kernels.compilation import cache as cache_settings
-from flexarm.kernels.compilation import code_cache
+from flexarm.kernels.compilation import code_cache, jit
 from flexarm.view.plot.histories import signals_figure
 from fuzz.base_calls import arm, result
 from fuzz.farm import Part
@@ -191,7 +190,7 @@ def compiled_kernels() -> list[tuple[Any, str, bytes]]:
     """Return two compiled kernels, with the names and contents of their files."""
     place = Path(_PLACE.name)
     kernels = []
-    with mock.patch.object(cache_settings, "CACHE_DIRECTORY", place):
+    with mock.patch.object(jit, "cache_folder", return_value=place):
         for scale in (1.5, 2.5):
             work = kernel(scale, place)
             work(np.ones(3))
@@ -202,9 +201,9 @@ def compiled_kernels() -> list[tuple[Any, str, bytes]]:
 
 def _loaded(work: Any) -> Any:
     """Return what the cache in this folder has for a kernel; None if it discards its file."""
-    (signature,) = work.signatures
+    (signature,) = work.dispatcher.signatures
     return code_cache.CodeCache(work.py_func, Path.cwd(), False).load_overload(
-        signature, work.targetctx
+        signature, work.dispatcher.targetctx
     )
 
 
@@ -233,7 +232,7 @@ def damaged_cache(rng: np.random.Generator, number: int) -> None:
 
 def interrupted_compilation(rng: np.random.Generator, number: int) -> None:
     """Interrupt a compilation: no incomplete file is left, and the next one is right."""
-    with mock.patch.object(cache_settings, "CACHE_DIRECTORY", Path.cwd()):
+    with mock.patch.object(jit, "cache_folder", return_value=Path.cwd()):
         work = kernel(3.0 + number, Path.cwd())
         expected = work.py_func(np.ones(3))
         # A shell that starts this in the background lets it ignore the signal.

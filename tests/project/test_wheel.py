@@ -10,11 +10,14 @@ import os
 import re
 import subprocess
 import sys
+import sysconfig
 import zipfile
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+
+from flexarm.kernels.compilation.library import TABLE
 
 ROOT = Path(__file__).resolve().parents[2]
 #: The installed package must not use files of the source folder.
@@ -67,7 +70,8 @@ def test_wheel_contains_the_package_only(wheel: Path) -> None:
     source = ROOT / "src"
     files = [path for path in (source / "flexarm").rglob("*") if path.is_file()]
     expected = {str(p.relative_to(source).as_posix()) for p in files if p.suffix != ".pyc"}
-    assert names - information == expected
+    brought = {name for name in names if "/machine_code/" in name}
+    assert names - information - brought == {n for n in expected if "/machine_code/" not in n}
     assert {"flexarm/py.typed", "flexarm/library/paper.yaml"} <= names
     assert not [name for name in names if "test" in name.partition("/")[0]]
     assert {"METADATA", "WHEEL", "entry_points.txt", "LICENSE"} <= {
@@ -75,8 +79,43 @@ def test_wheel_contains_the_package_only(wheel: Path) -> None:
     }
 
 
-def test_wheel_is_for_every_platform(wheel: Path) -> None:
-    assert wheel.name == f"flexarm-{version('flexarm')}-py3-none-any.whl"
+def test_wheel_is_for_every_python_of_one_platform(wheel: Path) -> None:
+    start, platform = wheel.name.removesuffix(".whl").rsplit("-", 1)
+    assert start == f"flexarm-{version('flexarm')}-py3-none"
+    assert platform == sysconfig.get_platform().replace("-", "_").replace(".", "_")
+
+
+def test_wheel_brings_the_library_of_kernels(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        sizes = {info.filename: info.file_size for info in archive.infolist()}
+    brought = {Path(name).name: size for name, size in sizes.items() if "/machine_code/" in name}
+    assert TABLE in brought
+    assert len(brought) == 2
+    assert max(brought.values()) < 8e6  # bytes
+
+
+@pytest.mark.thorough
+def test_installed_package_simulates_without_numba_and_writes_no_cache(
+    environment: Path, tmp_path: Path
+) -> None:
+    code = (
+        "import sys\nsys.modules['numba'] = sys.modules['llvmlite'] = None\n"
+        "import flexarm as fa\n"
+        "arm = fa.load_arm(fa.__path__[0] + '/library/paper.yaml')\n"
+        "result = fa.simulate(arm, 0.1, torque=lambda t: [0.1, 0.0])\n"
+        "print(float(result.tip[-1, 0]))"
+    )
+    environ = {**CLEAN, "XDG_CACHE_HOME": str(tmp_path / "cache"), "FLEXARM_KERNELS": ""}
+    done = subprocess.run(
+        [environment / "python", "-c", code],
+        cwd=tmp_path,
+        env=environ,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) > 1.0
+    assert not (tmp_path / "cache").exists()
 
 
 @pytest.mark.thorough

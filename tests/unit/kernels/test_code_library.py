@@ -48,9 +48,9 @@ value = callers.fourth(12.0)
 answer = {{"value": value, "misses": [], "defined": {{}}, "referred": {{}}}}
 for name in KERNELS:
     kernel = getattr(callers, name)
-    if kernel.stats.cache_misses:
+    if kernel.dispatcher.stats.cache_misses:
         answer["misses"].append(name)
-    for version in kernel.overloads.values():
+    for version in kernel.dispatcher.overloads.values():
         code = list(version.library._final_module.functions)
         for kind, declared in (("defined", False), ("referred", True)):
             names = [one.name for one in code if bool(one.is_declaration) is declared]
@@ -164,7 +164,7 @@ def scaled(x, y):
 for decorate in (compiled, numba.njit):
     loop = decorate(scaled)
     loop(np.ones(9), np.zeros(9))
-    (version,) = loop.overloads.values()
+    (version,) = getattr(loop, "dispatcher", loop).overloads.values()
     print("x double>" in version.library.get_llvm_str())
 """
 

@@ -22,17 +22,17 @@ def triple(x):
 EXCHANGED = """
 import json, shutil
 from pathlib import Path
-from flexarm.kernels.compilation import cache, code_cache
+from flexarm.kernels.compilation import cache, code_cache, private_folder
 import pair
 
-folder = Path(cache.CACHE_DIRECTORY)
+folder = private_folder.cache_folder()
 first = [pair.double(1.5), pair.triple(1.5)]
 double, triple = (next(folder.glob(f"pair.{name}-*.code")) for name in ("double", "triple"))
 contents = triple.read_bytes(), double.read_bytes()
 
 def called():
     kernels = [cache.compiled(kernel.py_func) for kernel in (pair.double, pair.triple)]
-    return [[kernel(1.5), sum(kernel.stats.cache_hits.values())] for kernel in kernels]
+    return [[kernel(1.5), sum(kernel.dispatcher.stats.cache_hits.values())] for kernel in kernels]
 
 usual = called()
 double.write_bytes(contents[0])
@@ -41,7 +41,7 @@ exchanged, again = called(), called()
 # The same files in a folder of other sources.
 other = Path(shutil.copytree(folder, folder.with_name("kernels-other")))
 kept = code_cache.CodeCache(pair.double.py_func, other, True)
-moved = kept.load_overload(pair.double.signatures[0], pair.double.targetctx)
+moved = kept.load_overload(pair.double.dispatcher.signatures[0], pair.double.dispatcher.targetctx)
 print(json.dumps([first, usual, exchanged, again, moved is None]))
 """
 

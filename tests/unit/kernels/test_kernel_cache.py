@@ -44,14 +44,14 @@ CALL_SWING = """
 import json
 import numba
 theirs = numba.config.CACHE_DIR
-from flexarm.kernels.compilation import cache
+from flexarm.kernels.compilation import cache, private_folder
 from flexarm.kernels.swing import swing
 
 print(json.dumps({
     "value": swing(3.141592653589793 / 6),
-    "hits": sum(swing.stats.cache_hits.values()),
-    "misses": sum(swing.stats.cache_misses.values()),
-    "directory": str(cache.CACHE_DIRECTORY),
+    "hits": sum(swing.dispatcher.stats.cache_hits.values()),
+    "misses": sum(swing.dispatcher.stats.cache_misses.values()),
+    "directory": str(private_folder.cache_folder()),
     "seconds": cache.compile_seconds(),
     "config": [theirs, numba.config.CACHE_DIR],
 }))
@@ -139,8 +139,8 @@ def folder_of(sandbox, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(sandbox / "cache"))
 
     def found():
-        path = sandbox / "src" / "flexarm" / "kernels" / "compilation" / "code_cache.py"
-        module = types.ModuleType("code_cache_of_the_copy")
+        path = sandbox / "src" / "flexarm" / "kernels" / "compilation" / "private_folder.py"
+        module = types.ModuleType("private_folder_of_the_copy")
         module.__file__ = str(path)
         exec(compile(path.read_text(encoding="utf-8"), path, "exec"), module.__dict__)
         return module.cache_folder()
@@ -184,12 +184,12 @@ def double(x):
 """
 CALL_DOUBLE = """
 import json
-from flexarm.kernels.compilation import cache
+from flexarm.kernels.compilation import private_folder
 from double import double
 print(json.dumps({
     "value": double(1.5),
-    "hits": sum(double.stats.cache_hits.values()),
-    "directory": str(cache.CACHE_DIRECTORY),
+    "hits": sum(double.dispatcher.stats.cache_hits.values()),
+    "directory": str(private_folder.cache_folder()),
 }))
 """
 posix_only = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no users on this system")
@@ -286,10 +286,10 @@ DAMAGED = """
 import hashlib, json, pickle, sys
 from pathlib import Path
 import numpy as np
-from flexarm.kernels.compilation import cache
+from flexarm.kernels.compilation import cache, private_folder
 import double
 
-[code] = Path(cache.CACHE_DIRECTORY).glob("double.double-*.code")
+[code] = private_folder.cache_folder().glob("double.double-*.code")
 whole = code.read_bytes()
 middle = len(whole) // 2
 other = pickle.dumps(("key", "code"))
@@ -309,7 +309,7 @@ for name, content in damage.items():
         code.write_bytes(content)
     double_again = cache.compiled(double.double.py_func)
     value = double_again(1.5)
-    found[name] = [value, sum(double_again.stats.cache_hits.values())]
+    found[name] = [value, sum(double_again.dispatcher.stats.cache_hits.values())]
 print(json.dumps(found))
 """
 

@@ -24,7 +24,7 @@ if "without numba" in sys.argv:
 import flexarm as fa
 
 warnings.simplefilter("ignore", fa.FlexarmWarning)
-arm = fa.load_arm("paper")
+arm = fa.load_arm(fa.__path__[0] + "/library/paper.yaml")
 q, still = arm.rest([0.3, -0.4]), np.zeros(arm.dof)
 torque = lambda t: [0.2 * np.sin(3.0 * t), 0.05]
 

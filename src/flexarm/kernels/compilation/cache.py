@@ -126,6 +126,11 @@ class Kernel:
         self._codes[kinds] = code or _compiler(name).code(self, kinds, arguments)
         return self._codes[kinds]
 
+    @property
+    def _numba_type_(self) -> Any:
+        """Type of the kernel for functions of Numba that call it."""
+        return _compiler(self.__name__).type_of(self)
+
     def __reduce__(self) -> str:
         return self.__qualname__  # pickled by its name
 
@@ -137,9 +142,10 @@ class KernelIntrinsic:
         self._module, self._name = module, name
 
     @property
-    def compiled(self) -> Any:
-        """The function for Numba."""
-        return getattr(import_module(f"flexarm.kernels.compilation.{self._module}"), self._name)
+    def _numba_type_(self) -> Any:
+        """Type of the function for kernels that call it."""
+        module = import_module(f"flexarm.kernels.compilation.{self._module}")
+        return _compiler(self._name).type_of(getattr(module, self._name))
 
 
 def _decorate(function: F, **options: Any) -> F:

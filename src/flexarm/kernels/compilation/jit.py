@@ -8,10 +8,9 @@ from typing import Any
 
 import numba
 from numba import types
-from numba.extending import typeof_impl
 
 from flexarm.kernels.compilation import library
-from flexarm.kernels.compilation.cache import Kernel, KernelIntrinsic, declare_all
+from flexarm.kernels.compilation.cache import Kernel, declare_all
 from flexarm.kernels.compilation.code_cache import cache_of, code_library
 from flexarm.kernels.compilation.compile_notice import CompileNotice
 from flexarm.kernels.compilation.library import Kinds
@@ -81,15 +80,13 @@ def code(kernel: Kernel, kinds: Kinds, arguments: tuple[Any, ...]) -> Callable[.
     return entry
 
 
-@typeof_impl.register(Kernel)
-def _type_of_kernel(kernel: Any, context: Any) -> Any:
+def type_of(function: Any) -> Any:
+    """Return the type of a kernel, or of a function of Numba, that a kernel or a user's function
+    refers to."""
     declare_all()
-    return types.Dispatcher(kernel.dispatcher)
-
-
-@typeof_impl.register(KernelIntrinsic)
-def _type_of_intrinsic(function: Any, context: Any) -> Any:
-    return type_of_constant(function.compiled)
+    if isinstance(function, Kernel):
+        return types.Dispatcher(function.dispatcher)
+    return type_of_constant(function)
 
 
 notice = CompileNotice(kept=cache_folder() is not None)

@@ -6,13 +6,13 @@ velocity along the motion, computed with a complex step (see ``sensitivity``), e
 
 from __future__ import annotations
 
-from flexarm.kernels.compilation.cache import compiled
+from flexarm.kernels.compilation.cache import apart
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Array, Sizes
 from flexarm.kernels.observation.observables import poses
 
 
-@compiled
+@apart
 def tip_motion(
     sizes: Sizes,
     constants: ArmConstants,

@@ -14,7 +14,7 @@ from flexarm.kernels.columns import (
     TIP_ACCELERATION_X,
     TIP_ACCELERATION_Y,
 )
-from flexarm.kernels.compilation.cache import compiled
+from flexarm.kernels.compilation.cache import apart, compiled
 from flexarm.kernels.compilation.numbers import cos, sin
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
@@ -22,7 +22,7 @@ from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 
 
-@compiled
+@apart
 def tip_motion(
     sizes: Sizes,
     constants: ArmConstants,
