@@ -11,7 +11,7 @@ from __future__ import annotations
 from flexarm.integrate.base import System
 from flexarm.integrate.memory import EVALUATIONS, Memory
 from flexarm.kernels.columns import GAP, GAP_RATE
-from flexarm.kernels.compilation.cache import apart, compiled, merged
+from flexarm.kernels.compilation.cache import apart, merged
 from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
@@ -46,7 +46,7 @@ def _move(
             state[level, i, j] += work.acceleration[i, j]
 
 
-@compiled
+@apart
 def close_state(
     sizes: Sizes, constants: ArmConstants, state: Array, torque: Array, loads: Loads,
     work: Workspace,

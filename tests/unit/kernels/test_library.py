@@ -121,7 +121,7 @@ def test_damaged_library_is_refused(folder):
 
 
 def test_library_that_does_not_load_is_refused(folder):
-    file = library.Library(folder).file
+    file = folder / library.loaded().file.name
     file.unlink()
     file.write_bytes(b"no machine code")
     digest = hashlib.sha256(b"no machine code").hexdigest()
