@@ -8,9 +8,11 @@ nothing about an arm, an integrator or a controller is computed a second time.
 from __future__ import annotations
 
 import base64
+import copy
+import math
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,10 +23,11 @@ import flexarm as fa
 from flexarm.arm.stations import place_stations
 from flexarm.integrate.base import Progress
 from flexarm.integrate.explicit_runge_kutta.explicit import advance_explicit
-from flexarm.integrate.sampled_law import sampled_explicit
+from flexarm.integrate.sampled_law import REFUSED, SampledLaw, sampled_explicit
 from flexarm.kernels.observation.observables import POSE_COLUMNS, poses
 from flexarm.kernels.observation.shapes import axis_points
 from flexarm.simulation.loop import programmed_samples
+from flexarm.simulation.loop.programmed_samples import ProgrammedSamples, _reference
 
 #: Kernels of the page by the names of their exported functions.
 KERNELS: dict[str, Callable[..., Any]] = {
@@ -67,39 +70,71 @@ class Image:
                     if isinstance(leaf, np.ndarray):
                         self.arrays.setdefault(place, leaf)
 
+    def numbers(self) -> dict[str, NDArray[np.float64]]:
+        """Return the arguments that are numbers and no arrays, by their names."""
+        return {
+            place: np.array(leaf, dtype=float)
+            for name, arguments in self.calls.items()
+            for label, argument in zip(_NAMES[name], arguments, strict=True)
+            for place, leaf in _leaves(label, argument)
+            if not isinstance(leaf, np.ndarray)
+        }
+
 
 def captured(arm: fa.Arm, duration: float, **arguments: Any) -> Image:
-    """Return the memory of ``fa.simulate(arm, duration, **arguments)`` before its first steps.
+    """Return the memory of ``fa.simulate(arm, duration, **arguments)`` before its first step.
 
-    With a controller, the first sample is that of Python, and the memory is that after it. The
-    simulated arm is ``plant`` if that is given.
+    The simulated arm is ``plant`` if that is given. A controller must be one whose law can run as a
+    program, and have no memory.
     """
-    calls: list[tuple[str, tuple[Any, ...]]] = []
+    first: list[tuple[Any, ...]] = []
+    laws: list[SampledLaw] = []
     looped = arguments.get("controller") is not None
-    stepper = sampled_explicit if looped else advance_explicit
 
     def stop(progress: Progress, kernel: Any, *passed: Any) -> Any:
-        system, tolerance, memory, until, _, *law = passed
-        # The first call of a loop has the only sample that is planned then.
-        if kernel is not stepper or (law and len(law[0].inputs) == 1):
+        if not first:
+            system, tolerance, memory, until, _ = passed
+            first.append(copy.deepcopy((system, tolerance, progress.method, memory, until)))
+        if looped:
             return enter(progress, kernel, *passed)
-        record = progress.method
-        calls.append(("", (system, tolerance, record, memory, until, _MOST_STEPS, *law)))
+        raise _Captured
+
+    def stop_loop(samples: ProgrammedSamples) -> Any:
+        laws.append(_law_from_start(samples))
         raise _Captured
 
     enter = Progress.enter
-    with _replaced(Progress, "enter", stop), _replaced(programmed_samples, "_CHUNK", 10**6):
-        try:
-            fa.simulate(arm, duration, integrator="dormand_prince_8", progress=False, **arguments)
-        except _Captured:
-            pass
-    if not calls:
-        raise ValueError(f"the run does not call {stepper.__name__}")
-    simulated = arguments.get("plant") or arm
-    system, *rest = calls[0][1]
-    begin, memory = int(rest[2].counts[0]), rest[2]
-    memory.samples[begin:] = 0.0  # not initialized
-    return Image({"sampled" if looped else "advance": (system, *rest), **_drawing(simulated, system, memory)})
+    with (
+        _replaced(Progress, "enter", stop),
+        _replaced(ProgrammedSamples, "advance", stop_loop),
+        _replaced(programmed_samples, "_WORTH", 1),  # a program also for few samples
+        suppress(_Captured),
+    ):
+        fa.simulate(arm, duration, integrator="dormand_prince_8", progress=False, **arguments)
+    if looped and not laws:
+        raise ValueError("the law of the controller does not run as a program")
+    system, *rest = first[0]
+    memory = rest[2]
+    memory.samples[...] = 0.0  # not initialized
+    call = {"sampled" if looped else "advance": (system, *rest, _MOST_STEPS, *laws)}
+    return Image({**call, **_drawing(arguments.get("plant") or arm, system, memory)})
+
+
+def _law_from_start(samples: ProgrammedSamples) -> SampledLaw:
+    """Return the law of a run for all samples from the first one, at time zero."""
+    loop, program = samples._loop, samples._program
+    if program.memory.size:
+        raise ValueError("the law of the controller has a memory")
+    count = math.ceil(loop.end / loop.sample_time * (1.0 - 1e-12))
+    times = np.arange(count) * loop.sample_time
+    inputs = samples._plan(loop.controller, _reference(loop), times)
+    # Of the numbers of the sample at which the law was recorded, only the constants remain.
+    for places in (program.code[:, 1], program.readings, program.inputs):
+        program.numbers[places] = 0.0
+    commands, counts = np.zeros((count, loop.run.arm.joints)), np.array([0, count, 0, REFUSED])
+    span = np.array([loop.sample_time, loop.end])
+    sensors = samples._sensors
+    return SampledLaw(program, *sensors, inputs, commands, counts, samples._small, span)
 
 
 @contextmanager
