@@ -122,7 +122,7 @@ def _shaped_motions() -> tuple[fa.Arm, fa.JointPD, dict[str, Any]]:
     """Return the arm of the design, its controller, and the motions by label."""
     arm = _loaded_strip()
     controller = fa.JointPD([200.0], [12.0], sample_time=0.002)
-    turn = fa.joint_motion(arm, start=[0.0], end=[1.0], duration=0.7, start_time=0.2)
+    turn = fa.joint_motion(arm, start=[0.0], end=[0.5], duration=0.7, start_time=0.2)
     motions = {
         "as it is": turn,
         "ZV": fa.shaped(turn, arm, "zv", joints=controller),
@@ -187,15 +187,15 @@ SCENES = {
             "first": Slider("torque of joint 1", "N m", _steps(-2.0, 2.0, 41), 0.5),
             "second": Slider("torque of joint 2", "N m", _steps(-1.0, 1.0, 41), -0.1),
         },
-        (_deflection(1, 0.7), _deflection(2, 0.5)),
+        (_deflection(1, 0.3), _deflection(2, 0.2)),
         (-2.6, -2.6, 2.6, 2.6),
-        20.0,
-        magnify=2,
+        6.0,
+        magnify=10,
     ),
     "spin": Scene(
         _spin,
         {"rate": Slider("rate of rotation", "rad/s", _steps(0.0, 30.0, 31), 15.0, "no")},
-        (_deflection(1, 0.5),),
+        (_deflection(1, 0.3),),
         (-0.1, -0.45, 1.2, 0.45),
         4.0,
         magnify=2,
@@ -206,28 +206,28 @@ SCENES = {
         _shaping,
         {"payload": Slider("payload", "kg", _steps(0.05, 0.4, 15), 0.15, "no")},
         (_deflection(1),),
-        (-0.2, -0.2, 1.3, 1.1),
+        (-0.15, -0.25, 1.25, 0.85),
         5.0,
     ),
     "gains": Scene(
         _gains,
         {
             "proportional": Slider("proportional gain", "N m/rad", _steps(0.0, 60.0, 31), 16.0),
-            "derivative": Slider("derivative gain", "N m s/rad", _steps(0.0, 12.0, 25), 3.0),
+            "derivative": Slider("derivative gain", "N m s/rad", _steps(0.0, 12.0, 25), 1.0),
             "sample": Slider("sample time", "ms", (1.0, 2.0, 5.0, 10.0, 20.0, 40.0), 1.0, "no"),
         },
-        (Trace("joint angle", "deg", 180.0 / math.pi, 1, ANGLE, 3.0), _deflection(1, 0.5)),
+        (Trace("joint angle", "deg", 180.0 / math.pi, 1, ANGLE, 1.5), _deflection(1, 0.3)),
         (-0.1, -0.45, 1.2, 0.55),
-        8.0,
+        4.0,
         magnify=2,
     ),
     "payload": Scene(
         _payload,
         {"mass": Slider("payload", "kg", _steps(0.0, 1.0, 21), 0.5, "down")},
-        (_deflection(1, 0.6), _deflection(2, 0.5)),
+        (_deflection(1, 0.3), _deflection(2, 0.2)),
         (-0.2, -0.6, 2.3, 1.3),
         10.0,
-        magnify=2,
+        magnify=5,
         button=("Drop the payload", "mass"),
     ),
 }

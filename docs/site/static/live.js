@@ -139,6 +139,7 @@
   };
 
   class Player {
+    /* Load the runs of a scene; `box` is the element to fill, or null for programs. */
     static async load(box, scene, module) {
       const player = new Player();
       Object.assign(player, {box, scene, sample: 0, clock: 0, playing: false, pictures: 0});
@@ -153,7 +154,7 @@
           effect.values = new Float64Array(bytesOf(effect.values).buffer);
         }
       }
-      player.build();
+      if (box) player.build();
       player.restart();
       return player;
     }
@@ -232,7 +233,8 @@
     get state() {
       return {
         time: this.sample / this.scene.rate,
-        sliders: Object.fromEntries(this.scene.sliders.map(({name, values, place}) => [name, values[place]])),
+        sliders: Object.fromEntries(
+          this.scene.sliders.map(({name, values, place}) => [name, values[place]])),
         runs: this.runs.map(run => ({
           label: run.label, error: run.error,
           state: Array.from(run.state(this.at(run))),
@@ -265,7 +267,9 @@
       else requestAnimationFrame(next => this.frame(next));
     }
 
-    say(text) { if (this.status.textContent !== text) this.status.textContent = text; }
+    say(text) {
+      if (this.status && this.status.textContent !== text) this.status.textContent = text;
+    }
 
     // Controls ---------------------------------------------------------------------------------
 
@@ -332,6 +336,7 @@
     }
 
     show(slider) {
+      if (!slider.input) return;
       const text = `${Number(slider.values[slider.place].toPrecision(6))} ${slider.unit}`;
       slider.input.value = slider.place;
       slider.input.setAttribute("aria-valuetext", text);
@@ -355,6 +360,7 @@
     }
 
     draw() {
+      if (!this.box) return;
       const style = getComputedStyle(this.box), color = name => style.getPropertyValue(name).trim();
       this.ink = color("--live-ink");
       this.faint = color("--live-faint");
