@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-import math
+import os
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -64,7 +64,9 @@ def kernels() -> bytes:
                 calls |= image.calls
         module = webassembly({name: (KERNELS[name], given) for name, given in calls.items()})
         kept.parent.mkdir(parents=True, exist_ok=True)
-        kept.write_bytes(module)
+        new = kept.with_suffix(f".{os.getpid()}")  # another process may write it too
+        new.write_bytes(module)
+        new.replace(kept)
     return kept.read_bytes()
 
 

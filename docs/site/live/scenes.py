@@ -86,7 +86,8 @@ def _torques(first: float, second: float) -> dict[str, Case]:
     arm = fa.Arm(
         links=[fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)]
     )
-    return {"arm": Case(arm, {"torque": lambda t: [first, second]})}
+    start = arm.rest([0.0, 1.2])
+    return {"arm": Case(arm, {"torque": lambda t: [first, second], "initial": start})}
 
 
 # Softening and stiffening ------------------------------------------------------------------------
@@ -177,15 +178,15 @@ def _payload(mass: float) -> dict[str, Case]:
 
 
 def _deflection(link: int, limit: float = math.inf) -> Trace:
-    return Trace(f"deflection of the tip of link {link}", "mm", 1e3, link, DEFLECTION, limit)
+    return Trace(f"tip deflection, link {link}", "mm", 1e3, link, DEFLECTION, limit)
 
 
 SCENES = {
     "torques": Scene(
         _torques,
         {
-            "first": Slider("torque of joint 1", "N m", _steps(-2.0, 2.0, 41), 0.5),
-            "second": Slider("torque of joint 2", "N m", _steps(-1.0, 1.0, 41), -0.1),
+            "first": Slider("torque of joint 1", "N m", _steps(-2.0, 2.0, 41), 0.3),
+            "second": Slider("torque of joint 2", "N m", _steps(-1.0, 1.0, 41), 0.1),
         },
         (_deflection(1, 0.3), _deflection(2, 0.2)),
         (-2.6, -2.6, 2.6, 2.6),

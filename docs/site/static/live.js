@@ -337,7 +337,7 @@
 
     show(slider) {
       if (!slider.input) return;
-      const text = `${Number(slider.values[slider.place].toPrecision(6))} ${slider.unit}`;
+      const text = `${signed(Number(slider.values[slider.place].toPrecision(6)))} ${slider.unit}`;
       slider.input.value = slider.place;
       slider.input.setAttribute("aria-valuetext", text);
       slider.output.textContent = text;
@@ -396,7 +396,7 @@
         const poses = run.poses(this.at(run), this.magnify, this.scene.turns), points = run.points();
         const each = points.length / 2 / this.scene.bodies.length;
         pen.strokeStyle = pen.fillStyle = this.colors[number];
-        pen.lineWidth = 4;
+        pen.lineWidth = 4 + 3 * (this.runs.length - 1 - number);  // all of them remain visible
         pen.beginPath();
         for (let k = 0; k < points.length / 2; k++) {
           const place = [x(points[2 * k]), y(points[2 * k + 1])];
@@ -448,9 +448,10 @@
       pen.strokeStyle = this.faint;
       pen.lineWidth = 1;
       pen.fillText(`${trace.label} (${trace.unit})`, left, top - 8);
+      this.drawNumbers(pen, number, top - 8, right);
       pen.textAlign = "right";
       for (const value of new Set([low, 0, high])) {
-        pen.fillText(String(value).replace("-", "\u2212"), left - 6, y(value) + 4);
+        pen.fillText(signed(value), left - 6, y(value) + 4);
         pen.beginPath();
         pen.moveTo(left, y(value));
         pen.lineTo(right, y(value));
@@ -467,7 +468,24 @@
         pen.stroke();
       });
     }
+
+    /* Write the numbers of a trace at the time shown, in the colors of the runs. */
+    drawNumbers(pen, number, y, right) {
+      const digits = right < 500 && this.runs.length > 1 ? 1 : 4;
+      pen.textAlign = "right";
+      for (const [k, run] of [...this.runs.entries()].reverse()) {
+        const text = signed((run.traces[number][this.at(run)] ?? NaN).toFixed(digits));
+        pen.fillStyle = this.colors[k];
+        pen.fillText(text, right, y);
+        right -= pen.measureText(text).width + 10;
+      }
+      pen.textAlign = "left";
+      pen.fillStyle = this.ink;
+    }
   }
+
+  /* Return a number as text, with the minus sign of print. */
+  const signed = number => String(number).replace("-", "\u2212");
 
   /* Return the least of 1, 2, 5, 10, ... that is not below a number. */
   function nice(number) {
@@ -481,10 +499,12 @@
       const player = await Player.load(box, flexarm.scenes[box.dataset.scene], module);
       (flexarm.players ??= {})[box.dataset.scene] = flexarm.player = player;
       // Play while the arm is on the screen, unless the reader prefers still pictures.
-      let wanted = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+      let waits = !matchMedia("(prefers-reduced-motion: reduce)").matches;
       new IntersectionObserver(([entry]) => {
-        if (entry.isIntersecting && wanted) player.play(true);
-        else if (!entry.isIntersecting) { wanted = player.playing; player.play(false); }
+        if (entry.isIntersecting ? waits : player.playing) {
+          waits = !entry.isIntersecting;
+          player.play(entry.isIntersecting);
+        }
       }).observe(player.canvas);
     } catch (error) {
       box.textContent = `This page needs WebAssembly and a current browser: ${error.message}`;
