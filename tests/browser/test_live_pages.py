@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_pages import AS_PYTHON, COMPARED, PAGES, live_module, runs_of, written_pages
+
+from live_pages import COMPARED, OTHERS, PAGES, assert_as_python, simulated, written_pages
 
 pytestmark = pytest.mark.thorough
 
@@ -36,7 +37,7 @@ def state(screen: Any) -> Any:
     return screen.evaluate("flexarm.state")
 
 
-def dark_pixels(screen: Any) -> int:
+def drawn_pixels(screen: Any) -> int:
     """Return the number of pixels of the picture that are drawn."""
     count = """() => {
       const {canvas} = flexarm.player, pen = canvas.getContext("2d");
@@ -47,19 +48,23 @@ def dark_pixels(screen: Any) -> int:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_numbers_are_those_of_python(page: str, opened: Any) -> None:
+def test_moved_sliders_give_the_numbers_of_python(page: str, opened: Any) -> None:
     screen = opened(page)
-    screen.evaluate("flexarm.player.runTo(0.5)")  # before the payload is dropped
-    count = round(0.5 * live_module("scenes").RATE)
-    for run, result in zip(state(screen)["runs"], runs_of(page).values(), strict=True):
-        expected = result.q.values[count]
-        kept = np.array(run["state"])[: len(run["state"]) // 2]
-        q = kept[np.isin(np.arange(kept.size), np.flatnonzero(kept))]
-        moved = expected[np.flatnonzero(expected)]
-        assert run["error"] == ""
-        largest = np.abs(result.q.values).max()
-        assert np.abs(q - moved).max() <= AS_PYTHON * largest
-    assert dark_pixels(screen) > 1000
+    for name, value in OTHERS[page].items():
+        move = f"""slider => {{
+          slider.value = flexarm.player.scene.sliders.find(other => other.name === "{name}")
+            .values.findIndex(other => Math.abs(other - {value}) < 1e-9);
+          slider.dispatchEvent(new Event("input"));
+          flexarm.player.play(false);
+        }}"""
+        screen.eval_on_selector(f"input[name={name}]", move)
+    assert state(screen)["sliders"] == OTHERS[page]
+    screen.evaluate(f"flexarm.player.restart(), flexarm.player.runTo({COMPARED})")
+    runs = screen.evaluate("""flexarm.player.runs.map(run => Array.from(
+      {length: flexarm.player.sample + 1}, (_, k) => Array.from(run.state(k))))""")
+    for states, (case, result) in zip(runs, simulated(page, OTHERS[page]), strict=True):
+        assert_as_python(states, result, case)
+    assert drawn_pixels(screen) > 1000
 
 
 def test_a_slider_moves_by_keys_and_changes_the_run(opened: Any) -> None:

@@ -90,12 +90,19 @@ def described(scene: Scene) -> dict[str, Any]:
     start = images(scene, scene.start())
     effects = {name: _effects(scene, name, start) for name in scene.sliders}
     check(scene, start, effects)
-    arms = {label: case.arguments.get("plant") or case.arm for label, case in cases(scene, scene.start()).items()}
+    arms = {
+        label: case.arguments.get("plant") or case.arm
+        for label, case in cases(scene, scene.start()).items()
+    }
     bodies = [int(body) for body in next(iter(arms.values())).assembly.link_body]
     return {
         "runs": [{"label": label, "image": encoded(image)} for label, image in start.items()],
         "sliders": [
-            {"name": name, **slider._asdict(), "effects": [_packed(*item) for item in effects[name]]}
+            {
+                "name": name,
+                **slider._asdict(),
+                "effects": [_packed(*item) for item in effects[name]],
+            }
             for name, slider in scene.sliders.items()
         ],
         "traces": [
@@ -124,7 +131,9 @@ def _effects(scene: Scene, name: str, start: Images) -> list[Effect]:
     effects = []
     for label, base in start.items():
         for place, number in _numbers(base).items():
-            rows = np.array([_numbers(state[label])[place].ravel()[: number.size] for state in states], object)
+            rows = np.array(
+                [_numbers(state[label])[place].ravel()[: number.size] for state in states], object
+            )
             shortest = min(map(len, rows))
             if shortest < number.size and place != _ROWS:
                 raise ValueError(f"{name} changes the size of {place}")
@@ -163,7 +172,9 @@ def check(scene: Scene, start: Images, effects: Mapping[str, list[Effect]]) -> N
                 raise ValueError(f"sliders together change {name} of {label} in another way")
 
 
-def _packed(label: str, name: str, indices: NDArray[np.int32], table: NDArray[Any]) -> dict[str, Any]:
+def _packed(
+    label: str, name: str, indices: NDArray[np.int32], table: NDArray[Any]
+) -> dict[str, Any]:
     pack = {"indices": indices, "values": table}
     return {
         "run": label,

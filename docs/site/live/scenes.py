@@ -159,7 +159,10 @@ def _payload(mass: float) -> dict[str, Case]:
     rod = {"flexural_rigidity": 400.0, "mass_per_length": 0.61732, "modes": 2}
     damping = fa.ModalDamping(ratio=0.01)
     arm = fa.Arm(
-        links=[fa.Link(length=1.2, damping=damping, **rod), fa.Link(length=0.9, damping=damping, **rod)],
+        links=[
+            fa.Link(length=1.2, damping=damping, **rod),
+            fa.Link(length=0.9, damping=damping, **rod),
+        ],
         joints=[
             fa.Joint(hub_inertia=0.1),
             fa.Joint(mass=0.5, hub_inertia=0.02, housing_inertia=0.02),
@@ -169,7 +172,9 @@ def _payload(mass: float) -> dict[str, Case]:
     )
     posture = [0.5, -0.6]
     rest = fa.equilibrium(arm, posture)
-    controller = fa.JointPD([300.0, 60.0], [40.0, 6.0], feedforward=lambda t: rest.torque, sample_time=0.002)
+    controller = fa.JointPD(
+        [300.0, 60.0], [40.0, 6.0], feedforward=lambda t: rest.torque, sample_time=0.002
+    )
     goal = fa.joint_motion(arm, start=posture, end=posture, duration=1.0)
     plant = fa.varied(arm, payload_mass=mass)
     start = {"initial": fa.equilibrium(plant, posture).q, "initial_rate": plant.rest([0.0, 0.0])}

@@ -42,7 +42,10 @@ def webassembly(calls: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]])
         for name, (kernel, arguments) in calls.items()
     }
     compiler = subprocess.run(
-        [sys.executable, __file__], input=pickle.dumps(described), stdout=subprocess.PIPE, check=True
+        [sys.executable, __file__],
+        input=pickle.dumps(described),
+        stdout=subprocess.PIPE,
+        check=True,
     )
     with tempfile.TemporaryDirectory() as folder:
         compiled, module = Path(folder, "kernels.o"), Path(folder, "kernels.wasm")

@@ -324,10 +324,11 @@
     slider(parent, slider) {
       const label = element(parent, "label");
       element(label, "span", {}, slider.label);
-      slider.output = element(label, "output");
+      // A label belongs to the first control in it.
       slider.input = element(label, "input", {
         type: "range", min: 0, max: slider.values.length - 1, step: 1, name: slider.name,
       });
+      slider.output = element(label, "output");
       slider.input.addEventListener("input", () => {
         this.set(slider.name, slider.values[slider.input.value]);
         if (!this.playing) this.play(true);
@@ -366,7 +367,8 @@
       this.faint = color("--live-faint");
       this.colors = [1, 2, 3].map(number => color(`--live-color-${number}`));
       this.drawArm();
-      this.drawChart();
+      // Long curves take longer to draw than the arm to simulate: 20 times per second suffice.
+      if (!this.playing || this.pictures % 3 === 0) this.drawChart();
     }
 
     drawArm() {

@@ -1,4 +1,4 @@
-/* Run pages without a browser: node drive.js PLAYER FOLDER JOBS; print their states as JSON.
+/* Run pages without a browser: node live_runs.js PLAYER FOLDER JOBS; print their states as JSON.
 
    A job has a page, sliders to set at the start, and times with the sliders to set there. */
 "use strict";

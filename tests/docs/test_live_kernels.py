@@ -7,27 +7,34 @@ import json
 import re
 import shutil
 import subprocess
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from live_pages import AS_PYTHON, COMPARED, LARGEST, PAGES, PLAYER, live_module, runs_of
 
-import flexarm as fa
+from live_pages import (
+    COMPARED,
+    LARGEST,
+    OTHERS,
+    PAGES,
+    PLAYER,
+    assert_as_python,
+    live_module,
+    runs_of,
+    simulated,
+    written_pages,
+)
 
 pytestmark = pytest.mark.thorough
-#: Sliders that are set at the start, besides the values at which the page starts.
-OTHERS = {
-    "torques": {"first": -0.7, "second": 0.35},
-    "spin": {"rate": 9.0},
-    "shaping": {"payload": 0.3},
-    "gains": {"proportional": 24.0, "derivative": 2.5, "sample": 5.0},
-    "payload": {"mass": 0.8},
-}
 #: Sliders that the script of a page changes during the run.
 LATER = {"payload": [(1.0, {"mass": 0.0})]}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the files of all live pages."""
+    return written_pages(tmp_path_factory.mktemp("live"))
 
 
 def node(written: Path, jobs: list[dict[str, Any]]) -> list[Any]:
@@ -35,24 +42,12 @@ def node(written: Path, jobs: list[dict[str, Any]]) -> list[Any]:
     program = shutil.which("node")
     if program is None:
         pytest.skip("no test of the kernels in WebAssembly: Node is not installed")
-    script = Path(__file__).with_name("drive.js")
+    script = Path(__file__).with_name("live_runs.js")
     command = [program, str(script), str(PLAYER), str(written), json.dumps(jobs)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     results: list[Any] = json.loads(done.stdout)
     return results
-
-
-def assert_as_python(run: dict[str, Any], result: Any, arm: fa.Arm) -> None:
-    """Compare the coordinates of the first seconds of a run of a page with a result of Python."""
-    assert run["error"] == ""
-    states = np.array(run["states"]).reshape(-1, 2, arm.assembly.bodies, 1 + arm.assembly.modes)
-    q = np.array([arm.unpadded(state)[0] for state in states])
-    count = round(COMPARED * live_module("scenes").RATE) + 1
-    expected = result.q.values[:count]
-    assert q.shape == expected.shape
-    assert np.ptp(expected) > 0.01, "the arm must move"
-    assert np.abs(q - expected).max() <= AS_PYTHON * np.abs(expected).max()
 
 
 def test_kernels_are_small(written: Path) -> None:
@@ -74,7 +69,8 @@ def test_runs_at_the_start_are_those_of_the_script_of_the_page(written: Path) ->
         cases = scenes[page].cases(**scenes[page].start())
         for run in runs:
             case = cases[run["label"]]
-            assert_as_python(run, results[run["label"]], case.arguments.get("plant") or case.arm)
+            assert run["error"] == ""
+            assert_as_python(run["states"], results[run["label"]], case)
             bent = 1e3 * results[run["label"]].link_tip_deflection.values
             shown = np.array(run["traces"][-1])
             link = scenes[page].traces[-1].link - 1
@@ -87,17 +83,9 @@ def test_sliders_set_the_numbers_of_python(written: Path) -> None:
         {"page": page, "sliders": OTHERS[page], "times": [], "last": COMPARED} for page in PAGES
     ]
     for page, runs in zip(PAGES, node(written, jobs), strict=True):
-        scene = live_module("scenes").SCENES[page]
-        cases = scene.cases(**{**scene.start(), **OTHERS[page]})
-        for run in runs:
-            case = cases[run["label"]]
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", fa.FlexarmWarning)
-                result = fa.simulate(
-                    case.arm, scene.duration, integrator="dormand_prince_8",
-                    rate=live_module("scenes").RATE, **case.arguments,
-                )  # fmt: skip
-            assert_as_python(run, result, case.arguments.get("plant") or case.arm)
+        for run, (case, result) in zip(runs, simulated(page, OTHERS[page]), strict=True):
+            assert run["error"] == ""
+            assert_as_python(run["states"], result, case)
 
 
 def test_a_run_that_grows_without_bound_stops_with_a_reason(written: Path) -> None:
