@@ -9,6 +9,7 @@ import argparse
 import shutil
 from pathlib import Path
 
+from live import build
 from pages import ROOT, assemble
 from sphinx.cmd.build import build_main
 
@@ -24,6 +25,7 @@ def main(folder: Path, run: str) -> int:
     html = folder / "html"
     status = build_main(["-b", "html", *settings, *strict, str(sources), str(html)])
     if status == 0:
+        build.write(html / "_static" / "live")
         print(f"open {html / 'index.html'}")
     return status
 

@@ -51,7 +51,7 @@ html_theme = "furo"
 html_title = "flexarm"
 html_math_renderer = "mathml"
 html_static_path = [str(_FOLDER / "static")]
-html_css_files = ["site.css"]
+html_css_files = ["site.css", "live.css"]
 html_copy_source = False
 html_show_sphinx = False
 

@@ -1,8 +1,9 @@
 """Put the Markdown pages together as Sphinx needs them: one folder, with a navigation.
 
 The pages stay plain Markdown that reads well in a file browser. The copies made here differ in
-three ways: links that leave ``docs`` lead to copies, each page that is an index gets a table of
-contents of the pages that it links, and pages with figures become notebooks.
+four ways: links that leave ``docs`` lead to copies, each page that is an index gets a table of
+contents of the pages that it links, pages with figures become notebooks, and live pages get their
+scripts.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ PROJECT = (
 #: Titles of the navigation, and the folder of the pages below each; "" is the top of ``docs``.
 SECTIONS = {
     "Tutorials": "tutorials",
+    "Live pages": "live",
     "How-to guides": "how-to",
     "Reference": "reference",
     "Background": "",
@@ -41,6 +43,8 @@ NOTEBOOKS = ("tutorials", "how-to")
 _LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
 #: Rows of a table of pictures, which do not decide the order of the navigation.
 _PICTURES = re.compile(r"^\| \[!\[.*$", re.MULTILINE)
+#: Scripts of a live page; see ``docs/site/live``.
+_SCRIPT = '<script defer src="../_static/{}"></script>\n'
 _FENCED = re.compile(r"^(\s*```.*?^\s*```\s*?$)", re.DOTALL | re.MULTILINE)
 
 
@@ -61,6 +65,9 @@ def assemble(folder: Path, run: str) -> None:
         text = _redirected(page.read_text(encoding="utf-8"), source, page, folder)
         if page.name == "index.md":
             text += _contents(text, page.relative_to(folder))
+        if page.parent.name == "live":
+            scripts = ("live/kernels.js", f"live/{page.stem}.js", "live.js")
+            text += "\n" + "".join(_SCRIPT.format(name) for name in scripts)
         page.write_text(text, encoding="utf-8")
         name = page.relative_to(folder)
         if name.parts[0] in NOTEBOOKS and draws(text) and fnmatch(name.as_posix(), run):

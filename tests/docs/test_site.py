@@ -30,7 +30,7 @@ _CODE = re.compile(r"<(pre|code|script|style)\b.*?</\1>", re.DOTALL)
 
 @pytest.mark.thorough
 def test_site_is_complete(tmp_path: Path) -> None:
-    for package in ("sphinx", "myst_nb", "furo", "math_core", "ipykernel"):
+    for package in ("sphinx", "myst_nb", "furo", "math_core", "ipykernel", "ziglang"):
         pytest.importorskip(package, reason="it comes with the extra: pip install 'flexarm[docs]'")
     command = [sys.executable, "docs/site", str(tmp_path), "--run", NOTEBOOK]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)

@@ -1,0 +1,1 @@
+"""Pages in which the compiled kernels simulate arms: their memory, kernels and files."""
