@@ -65,9 +65,10 @@ def webassembly(calls: Mapping[str, tuple[Callable[..., Any], tuple[Any, ...]]])
 
 def _lowered(pickled: IO[bytes]) -> tuple[dict[str, str], list[str]]:
     """Return the symbols of the kernels, and the code of all that they call, not optimized."""
-    import flexarm.kernels.compilation.cache as cache
+    from flexarm.kernels.compilation import jit
 
-    cache.CACHE_DIRECTORY = None  # before the kernels are imported; cached ones have no code
+    without_cache: Any = jit
+    without_cache.cache_folder = lambda: None  # kernels from a cache have no code to collect
 
     import numba
     from numba.core import cgutils, codegen, cpu
@@ -83,8 +84,9 @@ def _lowered(pickled: IO[bytes]) -> tuple[dict[str, str], list[str]]:
     for name, (module, function, arguments) in pickle.load(pickled).items():
         kernel = getattr(import_module(module), function)
         types = tuple(map(numba.typeof, arguments))
-        kernel.compile(types)
-        symbols[name] = kernel.overloads[types].fndesc.llvm_func_name
+        jit.declare_all()
+        kernel.dispatcher.compile(types)
+        symbols[name] = kernel.dispatcher.overloads[types].fndesc.llvm_func_name
     return symbols, texts
 
 
