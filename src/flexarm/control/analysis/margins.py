@@ -70,20 +70,7 @@ def loop_at(
     reference: Reference | None = None,
     t: float = 0.0,
 ) -> SampledLoop:
-    """Return the linear sampled loop around an arm at rest in a posture (joints,) rad.
-
-    Args:
-        controller: controller with a ``step``.
-        plant: the arm; None for the model of the controller.
-        posture: (joints,) rad.
-        hardware: instruments and motors; None for exact ones.
-        contacts: surfaces.
-        reference: reference whose values at time t (s) are kept constant; None for rest.
-
-    Raises:
-        InputError: if the arm does not have a signal.
-        EquilibriumError: if the arm has no equilibrium at the posture.
-    """
+    """Return the linear sampled loop around an arm at rest in a posture (joints,) rad."""
     own = getattr(controller, "arm", None)
     own = own if isinstance(own, Arm) else None
     arm = plant if plant is not None else own
@@ -225,11 +212,7 @@ def without_friction(contacts: Sequence[Contact]) -> list[Contact]:
 
 
 def check_single_rate(loop: SampledLoop) -> None:
-    """Raise if an instrument of a loop has its own sample time.
-
-    Raises:
-        InputError: in this case, because the loop is periodic.
-    """
+    """Raise if an instrument of a loop has its own sample time, which makes the loop periodic."""
     if len(loop.plant.A) > 1:
         rule = "has instruments with their own sample_time, which is not supported"
         raise InputError(Problem("hardware", rule))
@@ -240,11 +223,7 @@ def plants_of(
     plants: Arm | Sequence[Arm] | Mapping[str, Arm] | None,
     name: str = "plants",
 ) -> dict[str, Arm]:
-    """Return the arms by name, after checking them and the controller.
-
-    Raises:
-        InputError: if the controller has no ``step``, or an arm does not fit it.
-    """
+    """Return the arms by name, after checking them and the controller."""
     check_controller("controller", controller)
     if not has_poles(controller):
         rule = "has no step, which poles and margins need"
@@ -272,11 +251,7 @@ def plants_of(
 
 
 def named_arms(plants: object) -> dict[str, Arm]:
-    """Return arms by name; arms without a name are numbered from 1.
-
-    Raises:
-        InputError: if ``plants`` is not an arm, or a nonempty list or mapping of arms.
-    """
+    """Return arms by name; arms without a name are numbered from 1."""
     if isinstance(plants, Mapping):
         named = {str(name): arm for name, arm in plants.items()}
     else:
@@ -396,11 +371,7 @@ PHASE = 0.2
 
 
 def recommended_sample_time(arm: Arm, angles: FloatArray | None = None) -> float | None:
-    """Return the longest sample time (s) that suits one mode for each joint; None without modes.
-
-    Args:
-        angles: posture (joints,), rad; zero by default.
-    """
+    """Return the longest sample time (s) that suits one mode for each joint; None without modes."""
     found = modes(arm, angles).frequency_hz
     found = found[found > 0.0]
     mode = controlled_modes(arm, found)

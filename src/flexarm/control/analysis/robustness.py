@@ -126,11 +126,7 @@ def robustness(
 
 
 def _check_unstable_poles(loops: Sequence[SampledLoop]) -> None:
-    """Raise if plants have different numbers of poles outside the unit circle.
-
-    Raises:
-        InputError: in this case.
-    """
+    """Raise if plants have different numbers of poles outside the unit circle."""
     growth = [np.log(np.abs(np.linalg.eigvals(loop.plant.A[0])) + 1e-300) for loop in loops]
     counts = [int(np.sum(each > ROUNDED_GROWTH)) for each in growth]
     if len(set(counts)) > 1:
@@ -285,15 +281,10 @@ class SampledModel:
 
 
 class LoopModels(NamedTuple):
-    """The two parts of a sampled loop: the loop is closed with positive feedback.
+    """The two parts of a sampled loop: the loop is closed with positive feedback."""
 
-    Attributes:
-        plant: from the requested torques to the readings, with hold, motors and instruments.
-        controller: from the readings to the requested torques.
-    """
-
-    plant: SampledModel
-    controller: SampledModel
+    plant: SampledModel  # from the requested torques, by hold, motors and instruments, to readings
+    controller: SampledModel  # from the readings to the requested torques
 
 
 @public_call

@@ -75,9 +75,6 @@ def sampled_plant(
 
     The model includes delays, the motors' lag, and the frames and filtered rates of instruments. It
     excludes nonlinear effects (limits, resolution) and noise.
-
-    Raises:
-        InputError: if the period of the frames is too long, or delays require too many states.
     """
     motors = motors or Motors()
     m, lag = B.shape[1], motors.time_constant
@@ -334,12 +331,7 @@ def signals_of(instruments: Sequence[Instrument]) -> list[OutputName]:
 def model_at(
     arm: Arm, posture: ArrayLike, signals: Sequence[OutputName], contacts: Sequence[Contact] = ()
 ) -> PlantModel:
-    """Linearise an arm at rest in a posture (joints,) rad.
-
-    Raises:
-        InputError: if the arm does not have a signal.
-        EquilibriumError: if the arm has no equilibrium at the posture.
-    """
+    """Linearise an arm at rest in a posture (joints,) rad."""
     rest = equilibrium(arm, posture, contacts=contacts)
     model = linearize(arm, rest, outputs=signals)
     found: dict[OutputName, Signal] = {}

@@ -26,9 +26,6 @@ def structured_bound(matrices: ComplexArray, blocks: Sequence[int]) -> FloatArra
     iteration for all matrices. They are optimised further until the largest bound is optimal, so
     that the maximum is accurate and other bounds may be a few percent too large. For up to three
     blocks the optimal bound is the structured singular value (Packard and Doyle 1993); (C.148).
-
-    Args:
-        matrices: (f, n, n). blocks: sizes of the blocks, with the sum n.
     """
     return structured_scales(matrices, blocks)[0]
 
@@ -111,22 +108,15 @@ _NEAR_PEAK = 4
 
 
 class RobustController(NamedTuple):
-    """Continuous controller u = K v for positive feedback, and its bounds.
+    """Continuous controller u = K v for positive feedback, and its bounds."""
 
-    Attributes:
-        A, B, C, D: state-space matrices.
-        mu: largest upper bound of the structured singular value at the frequencies.
-        gamma: H-infinity norm that the synthesis of this controller was given as a bound.
-        history: largest upper bound of mu after each iteration.
-    """
-
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
-    mu: float
-    gamma: float
-    history: tuple[float, ...]
+    A: FloatArray  # state-space matrices
+    B: FloatArray  # state-space matrices
+    C: FloatArray  # state-space matrices
+    D: FloatArray  # state-space matrices
+    mu: float  # largest upper bound of the structured singular value at the frequencies
+    gamma: float  # H-infinity norm that the synthesis of this controller was given as a bound
+    history: tuple[float, ...]  # largest upper bound of mu after each iteration
 
 
 def dk_iteration(
@@ -155,9 +145,6 @@ def dk_iteration(
         band: interval of the zeros and poles of the scalings, rad/s.
         suboptimality: ratio of the norm of a synthesis to the least norm, above 1.
         start: controller of the first scalings; None for scalings of one.
-
-    Raises:
-        InputError: if slycot is not installed, or the first synthesis fails.
     """
     size = sum(blocks)
     scalings: list[FloatArray] = [np.zeros(1)] * (len(blocks) - 1)
@@ -196,11 +183,7 @@ def closed_loop(plant: Matrices, size: int, K: Matrices, omega: FloatArray) -> C
 def _synthesis(
     plant: Matrices, size: int, omega: FloatArray, suboptimality: float
 ) -> tuple[Matrices, float]:
-    """Return an H-infinity controller and the bound on its norm, by SB10AD of SLICOT.
-
-    Raises:
-        ArithmeticError: if SLICOT fails, or no loop has the reported norm, because of rounding.
-    """
+    """Return an H-infinity controller and the bound on its norm, by SB10AD of SLICOT."""
     try:
         from slycot import sb10ad
         from slycot.exceptions import SlycotError

@@ -382,11 +382,7 @@ _REFERENCE = ("joint_angle", "joint_rate", "joint_acceleration")
 
 
 def check_reference(reference: object) -> None:
-    """Raise if an object lacks the methods of a `Reference`.
-
-    Raises:
-        InputError: if a method is missing, or the object is a class.
-    """
+    """Raise if an object lacks the methods of a `Reference`."""
     kind = type(reference)
     if kind in _KNOWN:
         return
@@ -436,11 +432,7 @@ def report_of(controller: object) -> dict[str, float]:
 
 
 def check_controller(name: str, value: object) -> None:
-    """Check that a value acts as a controller.
-
-    Raises:
-        InputError: if it is a class, or lacks an attribute of controllers.
-    """
+    """Check that a value acts as a controller."""
     if isinstance(value, type):
         hint = f"Create an object: {value.__name__}(...)."
         raise InputError(Problem(name, "be a controller", f"the class {value.__name__}", hint))

@@ -159,11 +159,7 @@ class _Recorded(np.lib.mixins.NDArrayOperatorsMixin):
 def program_of(
     law: Controller, memory: Arrays, readings: Measurement, inputs: Arrays
 ) -> LawProgram | None:
-    """Return the program of a built-in law; None if its step cannot be recorded.
-
-    Args:
-        memory, readings, inputs: of a sample, in the forms of all samples.
-    """
+    """Return the program of a built-in law; None if its step cannot be recorded."""
     if not is_law(law) or not all(map(_is_built_in, around(law))):
         return None  # a user's step may note numbers
     parts = memory, {name: readings[name] for name in _SENSED}, inputs

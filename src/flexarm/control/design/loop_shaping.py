@@ -59,15 +59,6 @@ def shaped_design(
 
     The design is continuous in the bilinear variable w of (C.140), which preserves stability and
     H-infinity norms, so that the margin is that of the sampled loop.
-
-    Args:
-        arm: model of the arm. posture: (joints,) rad. sample_time: s.
-        given: the controller, with its parameters as attributes.
-
-    Raises:
-        InputError: if a bandwidth is not below the Nyquist frequency, or the Riccati equations have
-            no stabilising solution.
-        EquilibriumError: if the arm has no equilibrium at the posture.
     """
     from scipy.signal import cont2discrete
 
@@ -136,16 +127,9 @@ def coprime_controller(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
     """Return a controller robust to changes of the normalised coprime factors; (C.142) to (C.144).
 
-    Args:
-        A, B, C, D: shaped plant, continuous.
-        suboptimality: ratio of the bound on the norm to the least bound, above 1.
-
     Returns:
         State-space matrices of the controller for positive feedback, its margin, and the largest
         margin of any controller.
-
-    Raises:
-        InputError: if the Riccati equations have no stabilising solution.
 
     McFarlane and Glover 1992.
     """

@@ -111,9 +111,6 @@ class PostureGrid:
     Attributes:
         postures: (k, joints) rad of all nodes.
         axes: for each joint with several angles, its place, its angles, and the distance of nodes.
-
-    Raises:
-        InputError: if angles do not increase, or ``schedule`` does not have one entry per joint.
     """
 
     def __init__(self, posture: FloatArray, schedule: Sequence[ArrayLike | None] | None) -> None:

@@ -149,9 +149,6 @@ class RigidParameters:
         names: as given. values: (p,), of the arm. known: number of leading rows of the regressor
             that belong to no parameter. joints: number of joints.
 
-    Raises:
-        InputError: if a parameter does not exist or is named twice.
-
     Arguments of methods are not checked. Results are buffers that the next call overwrites.
     """
 
@@ -338,11 +335,7 @@ class TaskState(NamedTuple):
 
 
 class TaskSpace:
-    """Kinematics and dynamics of the rigid model at its tip, without checks of arguments.
-
-    Attributes:
-        joints: number of joints.
-    """
+    """Kinematics and dynamics of the rigid model at its tip, without checks of arguments."""
 
     _tip_torque = staticmethod(tip_torque)
 

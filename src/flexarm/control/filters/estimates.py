@@ -31,10 +31,7 @@ _FALSE_ALARM = 1e-9
 
 @cache
 def largest_ratio(size: int) -> float:
-    """Return the limit of the mean normalised innovation squared of ``size`` readings.
-
-    Its expected value is one.
-    """
+    """Return the limit of the mean normalised innovation squared of ``size`` readings."""
     from scipy.stats import chi2
 
     return float(chi2.isf(_FALSE_ALARM, size)) / size
@@ -195,14 +192,7 @@ class Layout(NamedTuple):
         by_mass: float = 1.0,
         biases: ArrayLike = 0.0,
     ) -> FloatArray:
-        """Return the derivative (rows, size) of a function by x.
-
-        Args:
-            state, torque: (rows, 2 dof), (rows, joints), the derivatives by [q, qd] and torques.
-            parameters: (rows, 1 + p), by the payload mass and the parameters.
-            by_mass: derivative of the payload mass by the last number of x.
-            biases: (rows, biases), by the biases.
-        """
+        """Return the derivative (rows, size) of a function by x."""
         found = np.zeros((len(state), self.size))
         found[:, self.states] = state
         found[:, self.parameters] = parameters[:, 1:]

@@ -53,12 +53,7 @@ LEAST_STIFFNESS = 1e-12
 def first_variance(
     arm: Arm, given: FilterParameters, angle: Instrument, stiffness: FloatArray
 ) -> FloatArray:
-    """Return the variances (2 dof,) of [q, qd] for known numbers of the arm.
-
-    Args:
-        arm: the arm. given: the deviations of the filter. angle: the encoder.
-        stiffness: (dof,) of the coordinates at rest; those of joints have no effect.
-    """
+    """Return the variances (2 dof,) of [q, qd] for known numbers of the arm."""
     assert given.energy_deviation is not None
     assert given.rate_deviation is not None
     joints, energy = arm.joint_index, 2.0 * given.energy_deviation
@@ -134,9 +129,6 @@ class Frames:
 
     Attributes:
         latest: the largest delay, in samples.
-
-    Raises:
-        InputError: if the sample time of an instrument is no multiple of ``sample_time`` (s).
     """
 
     def __init__(self, readings: PredictedReadings, sample_time: float) -> None:
@@ -150,11 +142,7 @@ class Frames:
         }
 
     def arrived(self, number: int, readings: FloatArray) -> Iterator[tuple[int, int, FloatArray]]:
-        """Yield the place of each instrument with a new frame, its delay (samples), its readings.
-
-        Args:
-            number: of the present sample. readings: (size,) of all instruments.
-        """
+        """Yield the place of each instrument with a new frame, its delay (samples) and readings."""
         for place, (every, late) in enumerate(self._strides):
             frame = number - late
             if frame >= 0 and frame % every == 0:

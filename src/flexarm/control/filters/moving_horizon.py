@@ -200,12 +200,7 @@ class HorizonProblem:
 
 
 def next_arrival(model: ArmModel, arrival: Arrival, node: Node, link: Link) -> Arrival:
-    """Return the arrival at the second sample: an extended Kalman filter along the estimates.
-
-    Args:
-        node: the first sample, with its estimates.
-        link: their next sample; the torque error in it is that of its derivatives.
-    """
+    """Return the arrival at the second sample: an extended Kalman filter along the estimates."""
     size, joints = arrival.x.size, model.noise.size
     mean = np.concatenate([arrival.x, np.zeros(joints)])
     P = np.block([[arrival.P, arrival.moved], [arrival.moved.T, np.eye(joints)]])

@@ -98,11 +98,7 @@ class PredictedReadings:
         return np.block(blocks) if self.biased else np.zeros((self.size, 0))
 
     def stacked(self, measurement: Measurement) -> FloatArray:
-        """Return the readings (size,) of a measurement.
-
-        Raises:
-            InputError: if a reading is missing, has the wrong length, is not finite or too large.
-        """
+        """Return the readings (size,) of a measurement."""
         given = [measurement.get(name) for name in self._labels]
         missing = [name for name, one in zip(self._labels, given, strict=True) if one is None]
         if missing:
@@ -254,11 +250,7 @@ class ArmModel:
 
 
 def check_instruments(arm: Arm, instruments: Sequence[Instrument]) -> None:
-    """Raise if a filter cannot use instruments on an arm.
-
-    Raises:
-        InputError: if it cannot use one of them, or none reads "joint_angle".
-    """
+    """Raise if a filter cannot use instruments on an arm."""
     problems = []
     for item in instruments:
         if not (isinstance(item.output, Sensor) or item.signal in LINEAR_SIGNALS):

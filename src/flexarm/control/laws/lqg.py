@@ -387,12 +387,7 @@ def for_margin(
     postures: ArrayLike | None,
     options: dict[str, Any],
 ) -> C:
-    """Return the first controller of ``_TRIED`` with the margin; see ``LQG.for_margin``.
-
-    Raises:
-        InputError: if no controller has the margin, an argument is wrong, or ``options`` has
-            ``rigidity_uncertainty`` or ``recovery``.
-    """
+    """Return the first controller of ``_TRIED`` with the margin; see ``LQG.for_margin``."""
     rule = "be greater than 0 and less than 2"
     required = check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, rule)
     for name in ("rigidity_uncertainty", "recovery"):
@@ -443,21 +438,14 @@ BENDING = (
 
 @dataclass(frozen=True, eq=False)
 class FastDesign:
-    """Fast part of a `Composite` controller at one posture, with k elastic coordinates.
+    """Fast part of a `Composite` controller at one posture, with k elastic coordinates."""
 
-    Attributes:
-        frequency: (k,) of the boundary layer, rad/s, lowest first.
-        flexibility: (k, k) elastic coordinates per elastic force.
-        A, B: sampled boundary layer, (2 k, 2 k) and (2 k, joints).
-        gain: (joints, 2 k) of the fast part. cost: (2 k, 2 k), its minimum cost.
-    """
-
-    frequency: FloatArray
-    flexibility: FloatArray
-    A: FloatArray
-    B: FloatArray
-    gain: FloatArray
-    cost: FloatArray
+    frequency: FloatArray  # (k,) of the boundary layer, rad/s, lowest first
+    flexibility: FloatArray  # (k, k) elastic coordinates per elastic force
+    A: FloatArray  # (2 k, 2 k) of the sampled boundary layer
+    B: FloatArray  # (2 k, joints)
+    gain: FloatArray  # (joints, 2 k) of the fast part
+    cost: FloatArray  # (2 k, 2 k), its minimum cost
 
 
 class Composite(CompositeParameters, LQG):

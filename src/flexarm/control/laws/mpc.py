@@ -140,12 +140,7 @@ class MPC(MPCParameters, LQG):
         return more["plan"][:m] - nominal[:m], more
 
     def _limited(self, free: FloatArray, plans: dict[str, Any]) -> FloatArray:
-        """Return optimal torques (horizon joints,) within the limits, or the last plan.
-
-        Args:
-            free: (horizon joints,) those without limits, which are optimal if they are within.
-            plans: memory of the last plan, in which samples are counted.
-        """
+        """Return optimal torques (horizon joints,) within the limits, or the last plan."""
         low, high = self._bounds(free, plans["applied"])
         if np.all(low <= 0.0) and np.all(high >= 0.0):
             return free

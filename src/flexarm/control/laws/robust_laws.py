@@ -339,23 +339,14 @@ _SENSITIVITY_BANDWIDTH = 0.5
 
 
 class UncertainPlant(NamedTuple):
-    """Generalised plant of a design, continuous in the bilinear variable of (C.140).
+    """Generalised plant of a design, continuous in the bilinear variable of (C.140)."""
 
-    Attributes:
-        whole: from (uncertainty, performance, torque) to the same; torques are normalised.
-        nominal: from the normalised torque to the shaped output.
-        blocks: sizes of the blocks; the last one is the performance.
-        root: (joints, joints), torque of a normalised one.
-        shown: (joints, 2 joints), shaped output of the errors of angles and rates.
-        model: the linear model of the arm itself.
-    """
-
-    whole: Matrices
-    nominal: Matrices
-    blocks: tuple[int, ...]
-    root: FloatArray
-    shown: FloatArray
-    model: LinearModel
+    whole: Matrices  # from (uncertainty, performance, torque) to the same; torques are normalised
+    nominal: Matrices  # from the normalised torque to the shaped output
+    blocks: tuple[int, ...]  # sizes of the blocks; the last one is the performance
+    root: FloatArray  # (joints, joints), torque of a normalised one
+    shown: FloatArray  # (joints, 2 joints), shaped output of the errors of angles and rates
+    model: LinearModel  # the linear model of the arm itself
 
 
 def uncertain_plant(
@@ -368,17 +359,7 @@ def uncertain_plant(
     sensitivity: float,
     sample_time: float,
 ) -> UncertainPlant:
-    """Return the plant of a design at rest in a posture, with the uncertainty of varied arms.
-
-    Args:
-        arm: nominal arm. posture: (joints,) rad. bandwidth: (joints,) rad/s.
-        rigidity, payload: relative changes of the rigidity of all links and of the payload.
-        sensitivity: largest accepted sensitivity of the normalised torques, above 1.
-        sample_time: s.
-
-    Raises:
-        InputError: if a bandwidth is not below the Nyquist frequency.
-    """
+    """Return the plant of a design at rest in a posture, with the uncertainty of varied arms."""
     model = linearize(arm, equilibrium(arm, posture), outputs=("joint_angle", "joint_rate"))
     n, slope = arm.dof, model.A.copy()
     # Full complex blocks contain negative loss factors, with which light damping is unstable.

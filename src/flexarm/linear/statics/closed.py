@@ -145,9 +145,6 @@ def independent_motions(arm: Arm, q: FloatArray, free: IntArray) -> Motions:
     The dependent coordinates are joints and the base as far as they move the rows: columns of J,
     chosen by factorisation with pivoting. Modes are dependent only if joints are locked, or if
     there are too few of them; then the softest ones.
-
-    Raises:
-        InputError: if the closures are not independent in these coordinates.
     """
     if not arm.closure_rows:
         nothing = np.zeros(0, dtype=np.intp)

@@ -254,11 +254,7 @@ def _two_link_posture(
 
 
 def least_norm_path(chain: RigidChain, path: TipPath, first: Floats) -> Posture:
-    """Return q(s) -> (T, n) along the least-norm path from posture `first` (n,) at its start.
-
-    Raises:
-        SingularPathError: if the path reaches a posture in which all links are nearly in one line.
-    """
+    """Return q(s) -> (T, n) along the least-norm path from posture `first` (n,) at its start."""
     from scipy.integrate import OdeSolution, solve_ivp  # slow, not required for two links
 
     lengths = chain.lengths

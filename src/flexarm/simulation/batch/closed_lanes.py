@@ -214,12 +214,7 @@ class _Team(NamedTuple):
     together: bool  # one call for all rows; otherwise there is one row
 
     def torque(self, t: float, values: dict[str, FloatArray], joints: int) -> FloatArray:
-        """Return the torques (rows, joints) N m from the readings of all runs.
-
-        Raises:
-            Exception: any, from the controller; InputError if the shape is wrong, or the torque
-                of a single run is not finite.
-        """
+        """Return the torques (rows, joints) N m from the readings of all runs."""
         everybody = self.rows.size == len(next(iter(values.values())))
         rows: Any = slice(None) if everybody else self.rows
         rows = rows if self.together else int(self.rows[0])

@@ -451,12 +451,7 @@ class OpenLoop:
             return state
 
     def history(self, k: int, arm: Arm, state: FloatArray, relative: float) -> PiecewiseCubic:
-        """Return the torque of run k for a relative tolerance; sets prescribed joints in ``state``.
-
-        Raises:
-            InputError: if the torque does not fit the arm.
-            FunctionError: if a function of time raises an exception.
-        """
+        """Return the torque of run k for a tolerance; sets prescribed joints in ``state``."""
         own, situation = self._batch.runs, self._batch.shared
         torque, shared = own.item("torques", k), len(own.torques) == 1 and not situation.prescribed
         with self._batch.users:

@@ -83,10 +83,7 @@ def fits_lanes(batch: Batch) -> bool:
 
 
 def arm_fits_lanes(arm: Arm) -> bool:
-    """Return whether lanes support the arm.
-
-    They do not support joint stops, bristles, sticking, closures and conserved momentum.
-    """
+    """Return whether lanes support the arm."""
     free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
     assembly = arm.assembly
     followed = assembly.has_bristles or assembly.has_sticking or arm.closure_rows
@@ -447,11 +444,7 @@ class OpenLanes(Lanes):
 
 
 def _structure(run: Ready) -> tuple[int, ...]:
-    """Return numbers that are equal for runs in lanes of one pack.
-
-    They are the sizes of the arrays of the arm, the order of its bodies, the bodies of its loads
-    and contacts, and the identity of the factors of the loads, which are common.
-    """
+    """Return numbers that are equal for runs in lanes of one pack."""
     sizes = run_time_sizes(run.arm.assembly.constants)
     order = *sizes.joints.ravel().tolist(), *sizes.ends.ravel().tolist()
     placed = run.loads.placed
@@ -484,13 +477,7 @@ def lane_runs(
 def arms_of_runs(
     arms: Sequence[Arm], loads: Sequence[Loads], atol: float | None, horizon: float
 ) -> tuple[ArmConstants, FloatArray, Loads, Contacts]:
-    """Return constants, units of the tolerance, loads and contacts, in the form of ``LaneRuns``.
-
-    Args:
-        arms: of each run, or one of all.
-        loads: of each run, on the same bodies. With one arm, only the contacts differ.
-        atol, horizon: of all runs, see ``tolerance_of``.
-    """
+    """Return constants, units of the tolerance, loads and contacts, in the form of ``LaneRuns``."""
     found = [arm.assembly.constants for arm in arms]
     constants = ArmConstants(*(np.stack(arrays) for arrays in zip(*found, strict=True)))
     scales = [absolute_tolerance(arm, atol, 1.0)[1] for arm in arms]

@@ -283,11 +283,7 @@ class _Study:
         return [mesh for mesh in self.runs if not mesh.undamped]
 
     def run(self, mesh: Mesh) -> _Run:
-        """Return the run of a mesh.
-
-        Raises:
-            FlexarmError: if the first runs fail, such as by a wrong argument.
-        """
+        """Return the run of a mesh."""
         if mesh not in self.runs:
             self.runs[mesh] = self._executed(mesh)
         return self.runs[mesh]

@@ -43,13 +43,7 @@ _STRIDE = 8
 
 
 def motor_numbers(since: FloatArray, saturated: BoolArray, end: float) -> dict[str, FloatArray]:
-    """Return the share of the time that motors are at a limit, and the longest time there.
-
-    Args:
-        since: (k,) s, times from which each row of ``saturated`` holds.
-        saturated: (k, joints), or (k, runs, joints).
-        end: s, of the run.
-    """
+    """Return the share of the time that motors are at a limit, and the longest time there."""
     shape = (-1, *(1,) * (saturated.ndim - 1))
     ends = np.append(since[1:], end).reshape(shape)
     lasting = ends - since.reshape(shape)
@@ -72,11 +66,6 @@ def motor_warning(
 
     Harm is an angle error that grows by much while the motor is at its limit, or that stays large
     because the motor does not leave it.
-
-    Args:
-        times, angle: (samples,) s and (samples, joints) rad.
-        limits: ``since`` and ``saturated`` (k, joints), as for ``motor_numbers``.
-        numbers: of ``motor_numbers``, (joints,) each.
     """
     since, saturated = limits
     if reference is None or not saturated.any() or len(times) < 2:
@@ -197,11 +186,7 @@ def _joints(arm: Arm) -> list[Any]:
 
 
 def deep_contact(arm: Arm, placed: Contacts, states: FloatArray) -> str:
-    """Describe the deepest of contacts that are deeper than plausible; empty if none is.
-
-    Args:
-        states: (samples, 2, n, 1 + m).
-    """
+    """Describe the deepest of contacts that are deeper than plausible; empty if none is."""
     if not placed.body.size or not len(states):
         return ""
     reach = arm.reach

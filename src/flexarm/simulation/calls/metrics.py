@@ -60,11 +60,7 @@ def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArr
 def metrics_of(
     result: xr.Dataset, arm: Arm, reference: Reference, settling: float = 0.0
 ) -> dict[str, float]:
-    """Return ``METRICS`` of a closed-loop result; NaN if the run or the reference lacks the data.
-
-    Args:
-        arm, reference, settling: as for ``Goal``.
-    """
+    """Return ``METRICS`` of a closed-loop result; NaN where the run or the reference lacks data."""
     channels = {name: result[name].values for name in MEASURED if name in result}
     values = Goal(arm, reference, result["time"].values, settling).metrics(channels)
     if "saturation" in result:

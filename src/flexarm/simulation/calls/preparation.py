@@ -72,9 +72,6 @@ class Situation:
     """Arguments of a run, with the meaning that ``simulate`` gives them.
 
     Creating it validates the objects; the rest is validated when a run is created.
-
-    Raises:
-        InputError: if an object has the wrong type, or two arguments contradict each other.
     """
 
     arm: Arm
@@ -174,12 +171,7 @@ class Situation:
         return load_history(arm, self.environment, *sampling, known)
 
     def new_run(self, meter: Meter) -> Run:
-        """Create a run.
-
-        Raises:
-            InputError: if an argument does not fit the arm, the initial state is deep inside a
-                surface, or a reference presses away from one.
-        """
+        """Create a run."""
         arm, state = self.simulated, self.start.copy()
         log = event_log(arm, self.events)
         run = new_run(
@@ -241,15 +233,7 @@ def situation_of(
     settings: RunSettings | None,
     arguments: Mapping[str, Any],
 ) -> Situation:
-    """Return the situation of a call.
-
-    Args:
-        function: the called one, decorated by `with_keywords`.
-        arguments: its keyword arguments.
-
-    Raises:
-        InputError: if an argument does not exist, has the wrong type, or contradicts another.
-    """
+    """Return the situation of a call."""
     if not arguments.keys() <= vars(function)["keywords"] | {"torque"}:
         raise unknown_arguments(arguments, signature(function).parameters)
     keywords = {name: value for name, value in arguments.items() if name in vars(DEFAULTS)}
@@ -265,11 +249,7 @@ def start_of(
     reference: Reference | None,
     torque: Torque | None,
 ) -> FloatArray:
-    """Return the initial state (2, n, 1 + m), by default at the start of the motion.
-
-    Raises:
-        InputError: if coordinates, rates or the motion do not fit the arm.
-    """
+    """Return the initial state (2, n, 1 + m), by default at the start of the motion."""
     motion = reference if reference is not None else getattr(torque, "motion", None)
     straight = np.zeros(arm.joints)
     if initial is None and motion is not None:
@@ -287,10 +267,6 @@ def torque_history(
     """Return torques and prescribed accelerations for a relative tolerance of the run.
 
     The start of prescribed joints is set in ``state``.
-
-    Raises:
-        InputError: if torques or prescribed motions do not fit the arm.
-        FunctionError: if a function of time raises an exception.
     """
     joints, duration, settings = arm.joints, situation.duration, situation.settings
     breaks, spacing = settings.breaks, 1.0 / settings.rate
@@ -327,11 +303,7 @@ def check_loops(arm: Arm, state: FloatArray, prescribed: Collection[int] = ()) -
 
 
 def integrator_of(arm: Arm, **arguments: Any) -> Choice:
-    """Return the integrator of a run with some arguments of ``simulate``, by its rules.
-
-    Raises:
-        InputError: if ``simulate`` would raise it.
-    """
+    """Return the integrator of a run with some arguments of ``simulate``, by its rules."""
     names = vars(DEFAULTS).keys() & arguments.keys()
     settings = replaced(DEFAULTS, **{name: arguments.pop(name) for name in names})
     situation = Situation(arm=arm, settings=settings, **arguments)
@@ -352,12 +324,7 @@ def implausible_run(
     reference: Any = None,
     hardware: Hardware | None = None,
 ) -> list[str]:
-    """Return a sentence for each implausible number of a run.
-
-    Args:
-        arm: the simulated arm. duration: s. rate: of the samples, Hz.
-        angles: joint angles at the start, if they are given, rad.
-    """
+    """Return a sentence for each implausible number of a run."""
     findings: list[str] = []
     if angles is not None and (text := about_degrees("initial", angles)):
         findings.append(text)
@@ -416,10 +383,6 @@ def new_run(
     The arguments are those of ``simulate``. They are validated by the caller, except for the
     environment. ``spacing`` is the interval (s) between the instants at which functions of time are
     compared with their cubic approximations.
-
-    Raises:
-        InputError: if a load, the base acceleration, a contact or a change does not fit the arm, or
-            the integrator does not support it.
     """
     touching = contacts_of_run(arm, environment.contacts, state)
     touch = contact_frequency(arm, touching)
@@ -466,10 +429,6 @@ def restarted(run: Run, state: FloatArray, settings: RunSettings) -> Run:
     """Return a run like one without contacts and events, from another initial state.
 
     The new run shares arm, loads and sample times with ``run``.
-
-    Args:
-        state: (2, n, 1 + m).
-        settings: those of ``run``.
     """
     tolerance = for_arm(run.tolerance, run.arm, state, run.horizon)
     requested = settings.integrator, settings.step
@@ -492,9 +451,6 @@ def initial_state(
 
     Without ``q`` the links are straight at the joint angles ``straight`` (joints,); without ``qd``
     the rates are zero.
-
-    Raises:
-        InputError: if the coordinates or rates do not have shape (dof,).
     """
     if q is None:
         q = arm.rest(straight)

@@ -131,13 +131,7 @@ def make_result(
     values: dict[str, FloatArray],
     attributes: dict[str, Any],
 ) -> xr.Dataset:
-    """Create the labelled dataset of the samples of a run.
-
-    Args:
-        times: (samples,) s.
-        values: channels by name, in the order of the result.
-        attributes: plain numbers and strings, which every file format can store.
-    """
+    """Create the labelled dataset of the samples of a run."""
     if "bending_moment" in values:  # not cached, because users may change `position`
         dataset = _labelled(arm, times, values)
     else:
@@ -226,11 +220,7 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
 
 
 def exceeded_bound(report: Mapping[str, Any]) -> str:
-    """Return the warning of a loop that left its prescribed bound, or empty text.
-
-    Args:
-        report: of a controller, or the attributes of a result.
-    """
+    """Return the warning of a loop that left its prescribed bound, or empty text."""
     if not report.get("bound_exceeded", 0):
         return ""
     first = report["bound_first_ratio"]
@@ -276,11 +266,7 @@ def channel_labels(arm: Arm, name: str) -> dict[str, str]:
 def coordinates_of(
     arm: Arm, times: FloatArray, stations: int = 0, contacts: int = 0
 ) -> dict[str, Any]:
-    """Return the coordinates of a result at ``times`` (samples,), s, with their labels.
-
-    Args:
-        stations: number of sections of each link; contacts: number of contacts.
-    """
+    """Return the coordinates of a result at ``times`` (samples,), s, with their labels."""
     coordinates: dict[str, Any] = {
         "time": ("time", times, {"units": "s", "long_name": "time"}),
         "joint": ("joint", arm.joint_numbers, {"long_name": "joint, numbered as its link"}),

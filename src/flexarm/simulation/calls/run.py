@@ -268,11 +268,7 @@ def _open_loop(
 
 
 def _closed_loop(run: Run, loop: ClosedLoop, stability: Callable[..., str]) -> xr.Dataset:
-    """Execute a run with a controller.
-
-    Args:
-        stability: `instability`, with all arguments but ``changed``.
-    """
+    """Execute a run with a controller."""
     unstable = stability()
     if unstable and run.changes is None:
         warn_caller(unstable, UnstableLoopWarning)
@@ -366,10 +362,6 @@ def with_error(
 
     If the error exceeds the accuracy, the run is repeated with a smaller one. The warning is empty
     if a run reaches the accuracy. ``evaluations`` and ``wall_seconds`` are those of all runs.
-
-    Args:
-        accuracy: requested error of the tip, m.
-        executed: executes the run with another accuracy; returns None if that fails.
     """
     used, looser = accuracy, executed(_LOOSER * accuracy)
     runs = [result] if looser is None else [looser, result]
@@ -403,11 +395,7 @@ def with_error(
 
 
 def _error_between(result: xr.Dataset, other: xr.Dataset | None, ratio: float) -> float:
-    """Return the estimated error (m) of the tip in a result; NaN without another one.
-
-    Args:
-        ratio: accuracy of the other result over that of this one.
-    """
+    """Return the estimated error (m) of the tip in a result; NaN without another one."""
     if other is None:
         return math.nan
     if result.attrs["rtol"] == other.attrs["rtol"] <= LEAST:  # rounding errors of both are equal

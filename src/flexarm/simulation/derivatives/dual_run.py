@@ -282,10 +282,7 @@ def _in_direction(
 def _observed(
     arm: Arm, run: DualRun, states: DualArray, energies: bool
 ) -> tuple[DualArray, DualArray, DualArray, DualArray | None]:
-    """Return poses, tips, energies and strains of states (samples, 2, n, 1 + m).
-
-    Without ``energies``, they are zero.
-    """
+    """Return poses, tips, energies and strains of states (samples, 2, n, 1 + m)."""
     count, sizes = states.shape[0], run_time_sizes(arm.assembly.run_constants)
     poses: DualArray = Duals.zeros(count, arm.assembly.bodies, POSE_COLUMNS)
     tips: DualArray = Duals.zeros(count, 6)

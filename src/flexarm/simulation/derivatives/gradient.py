@@ -196,12 +196,7 @@ class Gradient(NamedTuple):
 def goal_gradient_of(
     known: Parameters, samples: Samples, weights: Mapping[str, FloatArray]
 ) -> Gradient:
-    """Return the gradient of the sum of ``weights`` times channels over all samples of a run.
-
-    Raises:
-        InputError: if the integrator is not a one-step method without iteration.
-        SimulationError: if the run fails.
-    """
+    """Return the gradient of the sum of ``weights`` times channels over all samples of a run."""
     run, arm = known.run, known.run.arm
     if not isinstance(run.integrator, ExplicitRungeKutta | Additive):
         rule = "be an explicit Runge-Kutta method or kennedy_carpenter_5 for a gradient"
@@ -275,12 +270,7 @@ def _backwards(
     repetitions: Sequence[Repetition],
     pool: Executor,
 ) -> FloatArray:
-    """Return the gradient by the state at the start, and fill that by the torque.
-
-    Args:
-        at_ends: (intervals, states) gradient by the states at the ends of the intervals.
-        torque: (intervals, k) gradient by the coefficients of the torque in each interval.
-    """
+    """Return the gradient by the state at the start, and fill that by the torque."""
     count, width = at_ends.shape[1], torque.shape[1]
     adjoint = np.zeros(count)
     for part, transfers in _from_the_last(parts, repetitions, pool):

@@ -531,13 +531,7 @@ def _with_half_the_step(run: Run, settings: RunSettings) -> RunSettings:
 
 
 def state_errors(run: Run, slopes: FloatArray, times: FloatArray, others: FloatArray) -> FloatArray:
-    """Return the largest differences (p,) of both derivatives of the states, relative to them.
-
-    Args:
-        run: its sample times are those of ``slopes``.
-        slopes, others: (p, samples, 2, n, 1 + m).
-        times: of ``others``, s; an event that ends a run may move the last sample.
-    """
+    """Return the largest differences (p,) of both derivatives of the states, relative to them."""
     count = min(len(times), len(run.sample_times))
     same = np.flatnonzero(times[:count] == run.sample_times[:count])
     scaled, reference = (array[:, same] / run.tolerance.unit for array in (slopes, others))

@@ -81,10 +81,7 @@ class Crossing:
     partial: FloatArray  # (parameters,) at a constant state
 
     def time_slopes(self, states: FloatArray, first: int) -> FloatArray:
-        """Return the derivatives (k,) of the time, from those (k, 2, dof) of the state there.
-
-        ``first`` is the place of the first of the k parameters.
-        """
+        """Return the derivatives (k,) of the time from those (k, 2, dof) of the state there."""
         own = self.partial[first : first + len(states)]
         return np.asarray(-(np.tensordot(states, self.slopes, 2) + own) / self.rate)
 
@@ -109,11 +106,7 @@ def moved_to(states: DualArray, arm: Arm, crossing: Crossing, first: int, count:
 def event_slopes(
     events: Sequence[Crossing], states: FloatArray, first: int
 ) -> list[dict[str, FloatArray]]:
-    """Return the derivatives of the events' times (events,), q and qd (events, dof).
-
-    Args:
-        states: (k, events, 2, dof), derivatives of the states at constant times.
-    """
+    """Return the derivatives of the events' times (events,), q and qd (events, dof)."""
     times = [one.time_slopes(states[:, k], first) for k, one in enumerate(events)]
     time = np.reshape(times, (len(events), len(states))).T
     motion = np.reshape([one.motion for one in events], (len(events), *states.shape[2:]))

@@ -262,10 +262,6 @@ def load_history(
         contacts: contacts of the environment as they were placed for the run, if there are any.
         breaks, spacing: of functions of time, as in ``function_history``.
         known: factors of earlier calls that differ in the arm alone, for reuse.
-
-    Raises:
-        InputError: if a load is not on the arm, a function does not return numbers, or a table
-            is not valid.
     """
     loads, base_acceleration = environment.loads, _base(environment.base_acceleration)
     moving = callable(base_acceleration) or isinstance(base_acceleration, AccelerationTable)

@@ -66,10 +66,6 @@ def function_history(
         name: name of the function, for messages.
         spacing: interval (s) of the comparison, increased to limit it to 20 000 instants; None
             for no comparison.
-
-    Raises:
-        InputError: if the function does not return ``columns`` finite numbers or is rough
-            everywhere, or the breaks are not a list of numbers.
     """
     allowed = max(relative * _SHARE, _LEAST)
     follower = _Follower(function, duration, columns, allowed, name)
@@ -274,10 +270,6 @@ def sampled_torque(
             overshoots samples that alternate in sign.
         breaks: times (s) at which the spline is split; a split between two samples makes it linear
             there.
-
-    Raises:
-        InputError: if there are too few samples, the shape is wrong, a value is not finite, or the
-            interpolation is unknown.
     """
     check_choice("torque_interpolation", interpolation, INTERPOLATIONS)
     samples = check_array("torque", values, (-1, joints))

@@ -464,10 +464,7 @@ class _Search:
             )
 
     def _linear(self, run: _Judged) -> tuple[FloatArray, FloatArray]:
-        """Return the Gram matrix (p, p) of the response to the free coefficients and the gradient.
-
-        The gradient of the squared error has shape (p,).
-        """
+        """Return the Gram matrix (p, p) of responses to free coefficients, and the gradient."""
         knots = run.torque.knots
         stages = stage_times(run.times)
         shapes = spline_values(knots, stages.ravel())[:, free_coefficients(knots)]

@@ -188,9 +188,6 @@ def finite_eigenvalues(
     If a torque does not act on the tip directly, as through the spring of an elastic joint, M is
     singular and some s are infinite. Rounding makes them finite, but much faster than anything in
     the arm that the matrices describe, which identifies them.
-
-    Args:
-        fastest: rad/s, highest frequency of the arm with its joints locked.
     """
     from scipy.linalg import eigvals
 

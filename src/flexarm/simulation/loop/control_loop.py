@@ -228,12 +228,7 @@ class ControlLoop(ABC):
         """Examine the rows at a sample time."""
 
     def execute(self) -> None:
-        """Advance to the end.
-
-        Raises:
-            SimulationError: if the integrator fails, the motion diverges, or the controller raises
-                or does not return finite torques.
-        """
+        """Advance to the end."""
         while self._runs_on():
             torque = self._command()
             self.times.append(self.time)

@@ -122,10 +122,7 @@ class Acting:
             past += rows
 
     def cubics(self, t: float, until: float) -> tuple[FloatArray, FloatArray]:
-        """Return the torque from t to ``until``: breaks (pieces + 1,) and coefficients.
-
-        The coefficients have shape (pieces, 4, joints).
-        """
+        """Return breaks (pieces + 1,) of the torque, and coefficients (pieces, 4, joints)."""
         start, target = self._now(t), self._target[-1]
         count, lag = self.pieces, self._lag
         numbers = np.result_type(start, target)  # complex in derivatives of runs

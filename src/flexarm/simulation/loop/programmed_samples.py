@@ -142,12 +142,7 @@ def _seconds(program: LawProgram) -> float:
 def programmed_samples(
     loop: ClosedLoop, measurement: Measurement, small: float
 ) -> ProgrammedSamples | None:
-    """Return samples by a program, after the first sample; None if the loop needs Python.
-
-    Args:
-        measurement: readings of the first sample.
-        small: modal coordinates below which no link has bent far.
-    """
+    """Return samples by a program, after the first sample; None if the loop needs Python."""
     run, law = loop.run, loop.controller
     alone = run.changes is None and run.watch is None and run.default_step is None
     plain = loop.hardware is None and not run.loads.placed.contacts.body.size

@@ -103,12 +103,7 @@ class Layout:
         return np.concatenate([[token, *packet[:2]], *values]).astype(_DOUBLE).tobytes()
 
     def unpacked(self, data: bytes) -> Packet:
-        """Return the packet of bytes with a token of this run.
-
-        Raises:
-            WrongPacketError: if their number is not that of the layout, or the sequence number is
-                not a whole number.
-        """
+        """Return the packet of bytes with a token of this run."""
         if len(data) != self.size:
             raise WrongPacketError(
                 f"has {len(data)} bytes instead of {self.size}: {self}, 8 bytes each"
@@ -288,12 +283,7 @@ class SampleTimes:
     _first: float = 0.0
 
     def add(self, started: float, answered: float, ended: float, planned: float | None) -> None:
-        """Add a sample.
-
-        Args:
-            started, answered, ended: on the clock; ``answered`` may be NaN.
-            planned: its start, from that of the first sample; None without a plan.
-        """
+        """Add a sample."""
         if not self.started:
             self._first = started
         self.started.append(started - self._first)
@@ -374,11 +364,7 @@ def updated(
     reference: Reference | None,
     joints: int,
 ) -> FloatArray:
-    """Return the torques (joints,) of a controller; any number of them if ``joints`` is -1.
-
-    Raises:
-        PartnerError: if it raises, or does not return finite torques.
-    """
+    """Return the torques (joints,) of a controller; any number of them if ``joints`` is -1."""
     try:
         given: Any = controller.update(t, measurement, reference)
     except Exception as error:

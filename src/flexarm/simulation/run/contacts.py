@@ -38,14 +38,7 @@ _NUDGE = 1e-6
 
 
 def contacts_of_run(arm: Arm, contacts: Sequence[Contact], state: FloatArray) -> Contacts:
-    """Place the contacts of a run on the arm and set their mobilities.
-
-    Args:
-        state: initial state (2, n, 1 + m).
-
-    Raises:
-        InputError: under the conditions of ``place_contacts``.
-    """
+    """Place the contacts of a run on the arm and set their mobilities."""
     placed = place_contacts(arm, contacts)
     if contacts:
         bent = np.full(arm.joints, _BENT)
@@ -88,9 +81,6 @@ def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
     A point may start inside a surface, at rest or during an impact. The state (2, n, 1 + m) is
     rejected if the depth exceeds a hundredth of the reach and the contact force also exceeds ten
     times the arm's weight.
-
-    Raises:
-        InputError: if both limits are exceeded, or if the point is at the centre of a circle.
     """
     if not placed.body.size:
         return
@@ -130,9 +120,6 @@ def refuse_pressing_outward(
 
     The check covers the times at which the path, computed with rigid links, is on a surface that
     the tip can contact. Other references pass unchecked.
-
-    Raises:
-        InputError: if the normal points into the surface at one of these times.
     """
     touching = [k for k, contact in enumerate(contacts) if _is_tip(arm, contact)]
     if not isinstance(reference, PressedMotion) or not touching:

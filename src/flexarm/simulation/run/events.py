@@ -276,12 +276,7 @@ class EventLog:
 
 
 def event_log(arm: Arm, events: Sequence[Event]) -> EventLog | None:
-    """Validate the events of a run of ``arm``; return their log, or None without events.
-
-    Raises:
-        InputError: if ``events`` is not a list of events, two have the same name, or one was
-            created for a different arm.
-    """
+    """Validate the events of a run of ``arm``; return their log, or None without events."""
     events = check_list_of("events", events, Event)
     names = event_names(events)
     problems = []
@@ -383,9 +378,6 @@ class Watch:
         """Continue the search after a jump of the state; log and return the events in it.
 
         An event that ends the run is the last one.
-
-        Args:
-            before: (2, n, 1 + m), the state before the jump.
         """
         left = self._point(progress.time, before)
         self.go_on(progress, tolerance)
@@ -419,9 +411,6 @@ class Watch:
 
         Unless the integrator only paused, its last state counts as a sample, because the system
         may change from there on.
-
-        Raises:
-            SimulationError: if an event function raises or does not return one finite number.
         """
         first, self._seen = self._seen, progress.sample
         for start in range(first, progress.sample, _CHUNK):

@@ -89,14 +89,6 @@ def run_through_impacts(
 
     Returns the beginning of the run. The run gets a warning if its error remains larger than the
     tolerances promise. A fixed step is kept and compared with half of it.
-
-    Args:
-        history_of: function that returns the torque history for a relative tolerance of the run.
-        checkpoints: filled by the simulation that counts.
-
-    Raises:
-        InputError: if the run is hopeless; see ``choose_by_work``.
-        SimulationError: if the run cannot continue; ``run`` keeps the samples computed last.
     """
     requested = run.tolerance.relative
     beginning = run_to_slips(run, history_of, checkpoints)
@@ -263,13 +255,7 @@ def returns_to_surface(
 def may_grow(
     method: str, samples: FloatArray, constants: ArmConstants, unit: FloatArray, times: FloatArray
 ) -> bool:
-    """Return whether a free joint turns far, or vibrations last, in samples (k, 2, n, 1 + m).
-
-    Args:
-        method: name of the integrator; vibrations count in one that damps them.
-        unit: `Tolerance.unit` of the run.
-        times: of the samples, s.
-    """
+    """Return whether a free joint turns far, or vibrations last, in samples (k, 2, n, 1 + m)."""
     if len(samples) < 2:
         return False
     turns = np.abs(np.diff(samples[:, 0, :, 0], axis=0)).sum(axis=0)
@@ -283,11 +269,7 @@ def may_grow(
 
 
 def _compare_growth(run: Run, beginning: Beginning, request: float) -> None:
-    """Compare a run whose errors may grow with a looser one, and repeat it or warn.
-
-    Args:
-        request: accepted error over the reach.
-    """
+    """Compare a run whose errors may grow with a looser one, and repeat it or warn."""
     constants, count = constants_with(run.arm, run.prescribed), run.progress.sample
     unit, times = run.tolerance.unit, run.sample_times
     if not may_grow(run.integrator.name, run.samples[:count], constants, unit, times):
@@ -304,11 +286,7 @@ def _compare_growth(run: Run, beginning: Beginning, request: float) -> None:
 
 
 def growth_error(arm: Arm, samples: FloatArray, others: FloatArray) -> FloatArray:
-    """Estimate the error (k,) of the tip in samples (k, 2, n, 1 + m), over the reach.
-
-    Args:
-        others: samples of a run with tolerances larger by `LOOSER`.
-    """
+    """Estimate the error (k,) of the tip in samples (k, 2, n, 1 + m), over the reach."""
     count = min(len(samples), len(others))
     tips = (tips_of(arm, states[:count])[:, :2] for states in (samples, others))
     error: FloatArray = share_of_finer(LOOSER) / reach_of(arm) * np.hypot(*np.subtract(*tips).T)
@@ -327,11 +305,7 @@ def doubt_of_growth(arm: Arm, times: FloatArray, error: FloatArray, request: flo
 
 
 def allowed_error(relative: float, request: float | None) -> float:
-    """Return the error, as a part of the reach, above which a run through impacts is doubtful.
-
-    Args:
-        request: accepted error over the reach; None if tolerances are given.
-    """
+    """Return the error, as a part of the reach, above which a run through impacts is doubtful."""
     allowed = _PROMISED * relative
     return max(allowed if request is None else min(allowed, _MISSED * request), _VISIBLE)
 
@@ -508,9 +482,6 @@ def loop_comparison(
     """Return a function that warns, after a run with a controller, if its impacts repeat.
 
     Call it before the run, because a controller may keep what it learns.
-
-    Args:
-        repetition: function that copies the loop and returns a function that executes the copy.
     """
     stops = run.arm.assembly.constants.limits[:, 2].any()
     impacts = stops or run.loads.placed.contacts.body.size
@@ -521,11 +492,7 @@ def loop_comparison(
 
 
 def _compare_loops(run: Run, beginning: Beginning, execute: Callable[[Run], None]) -> None:
-    """Warn if impacts repeat in a run with a controller and its error is too large.
-
-    Args:
-        execute: function that executes the loop again, with the same controller from its start.
-    """
+    """Warn if impacts repeat in a run with a controller and its error is too large."""
     tolerance = beginning.tolerance
     if not (meets_stops(run) or returns(run)):
         return

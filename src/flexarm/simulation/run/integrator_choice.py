@@ -68,16 +68,7 @@ class Choice(NamedTuple):
 def check_integrator(
     requested: str | Integrator, step: float | None, touching: bool = False
 ) -> None:
-    """Validate the requested integrator and step, independently of the arm.
-
-    Args:
-        touching: whether the run has contacts.
-
-    Raises:
-        InputError: if no integrator has that name, the integrator does not support contacts and
-            there are some, the step is not positive, or a step is combined with an integrator
-            object, which has its own.
-    """
+    """Validate the requested integrator and step, independently of the arm."""
     if step is not None:
         check_positive("step", step)
     known = isinstance(requested, str) and requested in ("auto", *INTEGRATORS)
@@ -114,10 +105,6 @@ def choose_integrator(
         touch: frequency (rad/s) of the arm on the stiffest surface of a contact; 0 for none.
         prescribed: joints, by number from 1, whose motion is prescribed.
         duration: s; infinite if it is not known.
-
-    Raises:
-        InputError: under the conditions of ``check_integrator``, or if the friction of a joint has
-            bristles or holds and the requested integrator does not support that.
     """
     check_integrator(requested, step, touch > 0.0)
     _refuse_with_bristles(requested, step, arm)
@@ -213,13 +200,7 @@ def _refuse_with_closures(requested: str | Integrator, arm: Arm) -> None:
 
 
 def choose_by_drive(choice: Choice, arm: Arm, stops: FloatArray, duration: float) -> Choice:
-    """Return the integrator of an open-loop run from the times at which its drive is not smooth.
-
-    Args:
-        choice: choice without the drive; returned unchanged without a fixed step.
-        stops: (k,) times (s) at which torques and loads jump or have a kink: steps end there.
-        duration: s.
-    """
+    """Return the integrator of an open-loop run from the times at which its drive is not smooth."""
     if choice.integrator.adaptive or choice.integrator.step is None:
         return choice
     inside = stops[(stops > 0.0) & (stops < duration)]
@@ -234,9 +215,6 @@ def friction_doubt(integrator: Integrator, arm: Arm, longest: float) -> str:
 
     Unlike a vibration, friction cannot grow beyond bounds: the joint shakes instead of sticking,
     and the result looks plausible.
-
-    Args:
-        longest: upper limit (s) of steps, whatever the integrator's own: the sample time of a loop.
     """
     if integrator.adaptive or integrator.step is None:
         return ""

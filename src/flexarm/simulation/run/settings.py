@@ -206,11 +206,7 @@ DEFAULTS = RunSettings()
 
 
 def with_keywords(kind: type[MethodSettings], *declared: type[Any]) -> Callable[[F], F]:
-    """Show keyword arguments of a ``kind`` in the signature of a function, with their defaults.
-
-    Args:
-        declared: data classes whose fields are arguments, besides `RunSettings`.
-    """
+    """Show keyword arguments of a ``kind`` in the signature of a function, with their defaults."""
 
     def decorated(function: F) -> F:
         explicit = signature(function)
@@ -240,13 +236,6 @@ def settings_of(
 
     Settings that the function does not have are the default ones. Tolerances decide in a function
     without ``accuracy``, such as one that computes derivatives.
-
-    Args:
-        function: the called one, decorated by `with_keywords`.
-
-    Raises:
-        InputError: if a keyword is not a setting of the function, has the wrong value, or differs
-            from a value in ``settings`` that is not the default one.
     """
     names = vars(function)["keywords"] & vars(DEFAULTS).keys()
     if not keywords.keys() <= names:

@@ -41,10 +41,7 @@ def run_accurately(
     history_of: Callable[[float], PiecewiseCubic],
     checkpoints: Checkpoints | None = None,
 ) -> None:
-    """Simulate under a torque; repeat the run if its motion is small beside the tolerance.
-
-    The arguments and the exception are those of ``run_through_impacts``.
-    """
+    """Simulate under a torque; repeat the run if its motion is small beside the tolerance."""
     tolerance = run.tolerance
     beginning = run_through_impacts(run, history_of, checkpoints)
     first = run.samples[: run.progress.sample]
@@ -65,15 +62,7 @@ def run_accurately(
 def small_motion(
     tolerance: Tolerance, relative: float, default: bool, samples: FloatArray, steps: int
 ) -> float | None:
-    """Return the motion in a run that has to be repeated, and None if one run is accurate enough.
-
-    Args:
-        tolerance: of the run.
-        relative: requested relative tolerance.
-        default: whether the absolute tolerance is the default one.
-        samples: (k, 2, n, 1 + m) of the run.
-        steps: number of its steps.
-    """
+    """Return the motion in a run that has to be repeated; None if one run is accurate enough."""
     share = _LOOSE * relative if default else max(_NEAR, relative)
     return _motion(tolerance, samples, tolerance.absolute * min(1.0 / share, steps / _SUM))
 

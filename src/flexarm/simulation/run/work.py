@@ -77,16 +77,7 @@ class Start(NamedTuple):
 
 
 def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choice:
-    """Return the integrator of an open-loop run; "auto" takes the one with the least work.
-
-    Args:
-        choice: choice without the work.
-        open_end: whether an event or a change of the arm makes the work unknown: no refusal.
-
-    Raises:
-        InputError: if the run would take hours, or the named method would take more than a hundred
-            times the work of another one. An integrator object is never refused.
-    """
+    """Return the integrator of an open-loop run; "auto" takes the one with the least work."""
     if choice.insisted:
         return choice
     explicit = explicit_work(choice.fastest, start.duration)
@@ -115,17 +106,7 @@ def choose_by_samples(
     tolerance: Tolerance,
     rough: bool = False,
 ) -> Choice:
-    """Return the integrator of a sampled loop, whose torques are not known in advance.
-
-    Args:
-        choice: choice without the loop.
-        sample_time: s, which no step exceeds.
-        duration: s; infinite if it is not known.
-        rough: whether the run has contacts or changes of the arm.
-
-    Raises:
-        InputError: if the run would take hours.
-    """
+    """Return the integrator of a sampled loop, whose torques are not known in advance."""
     if choice.insisted:
         return choice
     rough = rough or any(map(_pushes, arm.spec.joints))
@@ -278,12 +259,7 @@ def choose(run: Run, history: PiecewiseCubic) -> None:
 def run_open_loop(
     run: Run, history: PiecewiseCubic, checkpoints: Checkpoints | None = None
 ) -> None:
-    """Simulate a run under a given torque history, and fill ``checkpoints``.
-
-    Raises:
-        InputError: if the run is hopeless; see ``choose_by_work``.
-        SimulationError: if the run cannot continue.
-    """
+    """Simulate a run under a given torque history, and fill ``checkpoints``."""
     choose(run, history)
     system = run.system(history)
     if checkpoints is not None:
