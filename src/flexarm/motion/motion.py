@@ -433,13 +433,7 @@ def joint_motion(
     angles = {k: check_array(k, v, (arm.joints,)) for k, v in (("start", start), ("end", end))}
     turning = turning_joints(arm)
     warn_of_degrees(**{name: values[turning] for name, values in angles.items()})
-    return JointMotion(
-        chain=chain,
-        **angles,
-        duration=duration,
-        law=law,
-        start_time=start_time,
-    )
+    return JointMotion(chain=chain, **angles, duration=duration, law=law, start_time=start_time)
 
 
 def check_motion(motion: object, arm: Arm | None = None) -> Motion:

@@ -436,12 +436,7 @@ def _with_performance(plant: Matrices, first: int, corner: float, sensitivity: f
         D[first:, first:],
     )
     states = block_diag(A, -slow * one)
-    inputs = np.block(
-        [
-            [B_d, B_u, none((n, m)), B_u],
-            [none((m, first)), one, none((m, m)), one],
-        ]
-    )
+    inputs = np.block([[B_d, B_u, none((n, m)), B_u], [none((m, first)), one, none((m, m)), one]])
     outputs = np.block(
         [
             [C_d, none((first, m))],

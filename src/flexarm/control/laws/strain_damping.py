@@ -380,10 +380,7 @@ class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):
         gain = np.diag(omega * np.sqrt(ratio) / (1.0 + through))
         one = np.eye(count)
         return ModalLaw(
-            -through * gain,
-            -gain,
-            np.vstack([one, -through * gain]),
-            np.vstack([0.0 * one, -gain]),
+            -through * gain, -gain, np.vstack([one, -through * gain]), np.vstack([0.0 * one, -gain])
         )
 
 

@@ -51,10 +51,7 @@ from flexarm.simulation.loop.stability import AnalysedLoop, Poles, instability
 from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
 from flexarm.simulation.run.settings import DEFAULTS, tolerances_of
 from flexarm.simulation.run.stepping import failure_of
-from flexarm.simulation.run.tolerance import (
-    fastest_frequencies,
-    tip_units,
-)
+from flexarm.simulation.run.tolerance import fastest_frequencies, tip_units
 from flexarm.simulation.run.validity import RunawayWatch
 from flexarm.simulation.run.work import choose_by_samples
 

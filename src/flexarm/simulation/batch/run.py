@@ -16,14 +16,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.base.arguments import check_kind, check_options
-from flexarm.base.errors import (
-    FlexarmWarning,
-    InputError,
-    Problem,
-    public_call,
-    shown,
-    warn_caller,
-)
+from flexarm.base.errors import FlexarmWarning, InputError, Problem, public_call, shown, warn_caller
 from flexarm.base.processes import check_workers
 from flexarm.control.contract.base import Controller, Reference
 from flexarm.integrate.base import FloatArray

@@ -126,10 +126,7 @@ def arm_text(arm: Arm) -> str:
 
 
 def make_result(
-    arm: Arm,
-    times: FloatArray,
-    values: dict[str, FloatArray],
-    attributes: dict[str, Any],
+    arm: Arm, times: FloatArray, values: dict[str, FloatArray], attributes: dict[str, Any]
 ) -> xr.Dataset:
     """Create the labelled dataset of the samples of a run."""
     if "bending_moment" in values:  # not cached, because users may change `position`

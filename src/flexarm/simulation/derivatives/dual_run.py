@@ -26,7 +26,7 @@ _STEPS = 4096
 _CHUNK = 1024
 #: Channels that are not linear in the states and the observed quantities.
 _NONLINEAR = {
-    *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate"),
+    *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate")
 }
 
 

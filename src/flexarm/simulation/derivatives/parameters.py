@@ -45,17 +45,9 @@ from flexarm.simulation.derivatives.dual_run import (
     no_change,
 )
 from flexarm.simulation.derivatives.loop_in_duals import RecordedLoop
-from flexarm.simulation.histories.piecewise import (
-    PiecewiseCubic,
-    Samples,
-)
+from flexarm.simulation.histories.piecewise import PiecewiseCubic, Samples
 from flexarm.simulation.run.channels import CHANNELS
-from flexarm.simulation.run.impacts import (
-    meets_stops,
-    run_to_slips,
-    slides,
-    stopping_at_breaks,
-)
+from flexarm.simulation.run.impacts import meets_stops, run_to_slips, slides, stopping_at_breaks
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, relative_tolerance, replaced
 from flexarm.simulation.run.small_motion import run_accurately

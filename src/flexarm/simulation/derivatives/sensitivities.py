@@ -31,10 +31,7 @@ from flexarm.model.quantities import Flag
 from flexarm.simulation.calls.preparation import DrivenArguments, Situation, situation_of
 from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.derivatives.differences import differences, local_slopes
-from flexarm.simulation.derivatives.dual_run import (
-    channel_derivatives,
-    run_in_duals,
-)
+from flexarm.simulation.derivatives.dual_run import channel_derivatives, run_in_duals
 from flexarm.simulation.derivatives.loop_in_duals import loop_in_duals
 from flexarm.simulation.derivatives.parameters import (
     Parameters,

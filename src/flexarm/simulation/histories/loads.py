@@ -13,12 +13,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.actions import Environment, parts_of
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import check_joint
-from flexarm.base.arguments import (
-    check_choice,
-    check_function,
-    check_times,
-    warn_of_degrees,
-)
+from flexarm.base.arguments import check_choice, check_function, check_times, warn_of_degrees
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.base.user_functions import call
 from flexarm.integrate.base import FloatArray

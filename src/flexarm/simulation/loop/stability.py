@@ -247,11 +247,7 @@ def _worst(
 
 
 def differenced(
-    arm: Arm,
-    q: FloatArray,
-    signals: Sequence[Any],
-    contacts: Sequence[Contact],
-    horizon: float,
+    arm: Arm, q: FloatArray, signals: Sequence[Any], contacts: Sequence[Contact], horizon: float
 ) -> PlantModel:
     """Linearize by central differences of the functions that a run evaluates anyway.
 

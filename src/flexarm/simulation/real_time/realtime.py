@@ -15,12 +15,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.observe import channels_of
-from flexarm.base.arguments import (
-    check_count,
-    check_kind,
-    check_mapping,
-    check_positive,
-)
+from flexarm.base.arguments import check_count, check_kind, check_mapping, check_positive
 from flexarm.base.errors import (
     FlexarmError,
     FlexarmWarning,

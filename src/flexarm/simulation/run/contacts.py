@@ -110,11 +110,7 @@ def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
 
 
 def refuse_pressing_outward(
-    arm: Arm,
-    contacts: Sequence[Contact],
-    placed: Contacts,
-    reference: object,
-    duration: float,
+    arm: Arm, contacts: Sequence[Contact], placed: Contacts, reference: object, duration: float
 ) -> None:
     """Raise if the normal of a pressed motion points into the surface that its path is on.
 

@@ -81,9 +81,7 @@ _TWICE = 3
 
 
 def run_through_impacts(
-    run: Run,
-    history_of: Callable[[float], PiecewiseCubic],
-    checkpoints: Checkpoints | None = None,
+    run: Run, history_of: Callable[[float], PiecewiseCubic], checkpoints: Checkpoints | None = None
 ) -> Beginning:
     """Simulate under a torque; repeat the run with tighter tolerances if impacts require it.
 
@@ -107,9 +105,7 @@ def run_through_impacts(
 
 
 def run_to_slips(
-    run: Run,
-    history_of: Callable[[float], PiecewiseCubic],
-    checkpoints: Checkpoints | None = None,
+    run: Run, history_of: Callable[[float], PiecewiseCubic], checkpoints: Checkpoints | None = None
 ) -> Beginning:
     """Simulate under a torque; repeat the run with steps that end at its breaks to find slips.
 

@@ -37,9 +37,7 @@ _REST = 1e-10
 
 
 def run_accurately(
-    run: Run,
-    history_of: Callable[[float], PiecewiseCubic],
-    checkpoints: Checkpoints | None = None,
+    run: Run, history_of: Callable[[float], PiecewiseCubic], checkpoints: Checkpoints | None = None
 ) -> None:
     """Simulate under a torque; repeat the run if its motion is small beside the tolerance."""
     tolerance = run.tolerance

@@ -40,7 +40,7 @@ from flexarm.simulation.run.tolerance import for_arm
 SECTION_CHANNELS = ("axial_force", "shear_force", "bending_moment")
 #: Hints for failures that neither a smaller step nor other gains avoid.
 _HINTS = {
-    Status.PRESSED_THROUGH: "Increase the stiffness of the contact or the radius of the surface.",
+    Status.PRESSED_THROUGH: "Increase the stiffness of the contact or the radius of the surface."
 }
 #: Duration (s) of one compiled call: short enough for the progress bar and Ctrl-C.
 _CALL_SECONDS = 0.1
