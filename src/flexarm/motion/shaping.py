@@ -275,7 +275,11 @@ class ShapedMotion(DerivedMotion):
         phase = self.clock.phase(np.where(finite, times, 0.0))
         for k, share in enumerate(self.amplitudes[1:], start=1):
             own = np.where(finite, self.clock.time(phase - self.phases[k]), times)
-            own = self._beside_breaks(times, own, k)
+            breaks, images = np.array(self.motion.breaks), self._images[k]
+            piece = np.searchsorted(images, times, side="right")
+            least = np.concatenate([[-np.inf], breaks])[piece]
+            most = np.concatenate([np.nextafter(breaks, -np.inf), [np.inf]])[piece]
+            own = np.clip(own, least, most)
             then = self.clock.rate(own)
             speed = now / then
             bend = (slope - self.clock.rate(own, 1) * speed**2) / then
@@ -286,14 +290,6 @@ class ShapedMotion(DerivedMotion):
                 state.acceleration * speed[:, None] ** 2 + state.rate * bend[:, None]
             )
         return JointState(*total)
-
-    def _beside_breaks(self, times: Floats, own: Floats, k: int) -> Floats:
-        """Correct rounding that moves a time across a break of the original."""
-        breaks, images = np.array(self.motion.breaks), self._images[k]
-        piece = np.searchsorted(images, times, side="right")
-        least = np.concatenate([[-np.inf], breaks])[piece]
-        most = np.concatenate([np.nextafter(breaks, -np.inf), [np.inf]])[piece]
-        return np.clip(own, least, most)
 
 
 #: Gauss points between two breaks: exact to rounding for motions that are smooth there.

@@ -24,7 +24,7 @@ from flexarm.control.hardware.measurement import FloatArray, faulty, filter_of, 
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import OutputName, component_places, solved_each
 from flexarm.linear.statics.equilibrium import equilibrium
-from flexarm.model import Contact, Friction, Hardware, Instrument, InstrumentFault, Motors, Sensor
+from flexarm.model import Contact, Hardware, Instrument, InstrumentFault, Motors, Sensor
 
 #: Largest number of states, and largest period (samples) after which all instruments repeat.
 _MOST_STATES, _MOST_SAMPLES = 1000, 300
@@ -291,12 +291,12 @@ def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Slid
 def _sliding_rate(arm: Arm) -> float:
     """Return a rate (rad/s) above which dry friction is constant to 1e-7, or zero without it."""
     every = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
-    rates = [(10.0 * one.model_rate, 4.0 * one.stribeck_rate) for one in every if _is_dry(one)]
+    rates = [
+        (10.0 * one.model_rate, 4.0 * one.stribeck_rate)
+        for one in every
+        if any((one.coulomb, one.static, one.coulomb_negative))
+    ]
     return max((max(pair) for pair in rates), default=0.0)
-
-
-def _is_dry(friction: Friction) -> bool:
-    return any((friction.coulomb, friction.static, friction.coulomb_negative))
 
 
 def _without_dry_friction(arm: Arm) -> Arm:

@@ -177,7 +177,8 @@ class RigidParameters:
         self._inertial = 1 + len(turning)
         self._order = _order(directions)
         self.known = 2
-        constants = _writable(exact)
+        constants = ArmConstants(*(array.copy() for array in exact))
+        constants.arm[HAS_JOINT_LAWS] = 1.0
         if smoothing_rate is not None:
             for joint, number in enumerate(arm.joint_numbers):
                 if arm.spec.joints[number - 1].friction is None:
@@ -316,13 +317,6 @@ def _order(directions: list[FloatArray]) -> NDArray[np.intp]:
         places.append((2 + turning if is_passive else 1) + seen[is_passive])
         seen[is_passive] += 1
     return np.array(places, dtype=np.intp)
-
-
-def _writable(constants: ArmConstants) -> ArmConstants:
-    """Return writable copies of the constants, with joint laws enabled."""
-    copies = ArmConstants(*(array.copy() for array in constants))
-    copies.arm[HAS_JOINT_LAWS] = 1.0
-    return copies
 
 
 class TaskState(NamedTuple):

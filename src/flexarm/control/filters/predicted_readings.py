@@ -69,7 +69,11 @@ class PredictedReadings:
         ]
         self.variance = np.concatenate(variances)
         self.counts = [len(row) for row in rows]
-        self.bias = self._bias()
+        blocks = [
+            [np.eye(count, columns) * (label == name) for name, columns in self.biased]
+            for label, count in zip(self._labels, self.counts, strict=True)
+        ]
+        self.bias = np.block(blocks) if self.biased else np.zeros((self.size, 0))
         starts = np.cumsum([0, *self.counts])
         self.places = [
             slice(starts[k], starts[k + 1])
@@ -88,14 +92,6 @@ class PredictedReadings:
         self._state_places = state_places(arm)
         self._found = np.zeros((len(self._state_places) + 2, *shape))
         self._pushed = np.zeros((2, *shape))
-
-    def _bias(self) -> FloatArray:
-        """Return the derivative (size, biases) of the readings by the biases."""
-        blocks = [
-            [np.eye(count, columns) * (label == name) for name, columns in self.biased]
-            for label, count in zip(self._labels, self.counts, strict=True)
-        ]
-        return np.block(blocks) if self.biased else np.zeros((self.size, 0))
 
     def stacked(self, measurement: Measurement) -> FloatArray:
         """Return the readings (size,) of a measurement."""

@@ -242,10 +242,10 @@ class LQG(LQGParameters, OfArm, Controller):
         integral = memory["integral"]
         if self._integrals:
             rise = self._rise(readings, inputs)
-            request = -applied(gain[:, self._states :], rise)
+            request = -applied(gain[:, self._states :], rise)[..., None, :]
             # Do not advance if that would increase a torque at its limit. Without a branch, so
             # that the law is also evaluated over symbols.
-            integral = integral + (_dots(request, desired - torque) <= 0.0) * rise
+            integral = integral + (applied(request, desired - torque) <= 0.0) * rise
         after = {"prediction": applied(predict, pushed), "estimate": estimate, "integral": integral}
         return {**after, **more}, torque
 
@@ -363,11 +363,6 @@ class LQG(LQGParameters, OfArm, Controller):
         mine.nominal = None
         mine._motion = mine._nominal_motion()
         return mine
-
-
-def _dots(left: FloatArray, right: FloatArray) -> Any:
-    """Return the product (1,) of two vectors (k,), or those (runs, 1) of many (runs, k)."""
-    return applied(left[..., None, :], right)
 
 
 C = TypeVar("C", bound=Controller)

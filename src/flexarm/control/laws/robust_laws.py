@@ -237,7 +237,14 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
     def _design_for(self, sample_time: float) -> None:
         self._check_bandwidth(sample_time)
         if not hasattr(self, "mu"):  # once, at the construction
-            self._warn_of_no_effect()
+            arm = self.arm
+            for name, without, missing in (
+                ("payload_uncertainty", not arm.spec.payload.mass, "payload"),
+                ("rigidity_uncertainty", arm.dof == arm.joints, "flexible link"),
+            ):
+                if without and getattr(self, name):
+                    text = f"{name} has no effect: the arm has no {missing}. Set {name}=0."
+                    warn_caller(text, FlexarmWarning)
         self._sample_time = sample_time
         with one_warning() as bent:
             plant = uncertain_plant(
@@ -286,17 +293,6 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
                 "or increase iterations, scaling_order or sensitivity."
             )
             warn_caller(text, FlexarmWarning)
-
-    def _warn_of_no_effect(self) -> None:
-        """Warn of uncertainties of parameters that the arm does not have."""
-        arm = self.arm
-        for name, without, missing in (
-            ("payload_uncertainty", not arm.spec.payload.mass, "payload"),
-            ("rigidity_uncertainty", arm.dof == arm.joints, "flexible link"),
-        ):
-            if without and getattr(self, name):
-                text = f"{name} has no effect: the arm has no {missing}. Set {name}=0."
-                warn_caller(text, FlexarmWarning)
 
     def _frequencies(self, plant: UncertainPlant) -> FloatArray:
         """Return frequencies (f,) rad/s in the bilinear variable, dense around resonances."""

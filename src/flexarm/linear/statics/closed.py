@@ -338,7 +338,9 @@ def assembled(
         q = bent
     J = _scaled_jacobian(arm, q)
     _match_rates(arm, q, qd, movable)
-    freedom = rigid.size - _rank(J[:, rigid])
+    scaled, freedom = J[:, rigid], rigid.size
+    if scaled.size:
+        freedom -= int(np.linalg.matrix_rank(scaled, tol=_DEPENDENT))
     return AssembledState(q, qd, arm.closure_gaps(q), mobility, freedom)
 
 
@@ -351,10 +353,6 @@ def _remaining(arm: Arm, q: FloatArray, hint: str) -> InputError:
 
 def _scaled_jacobian(arm: Arm, q: FloatArray) -> FloatArray:
     return np.asarray(arm.closure_jacobian(q) * coordinate_sizes(arm) / row_sizes(arm)[:, None])
-
-
-def _rank(scaled: FloatArray) -> int:
-    return int(np.linalg.matrix_rank(scaled, tol=_DEPENDENT)) if scaled.size else 0
 
 
 def _close(arm: Arm, q: FloatArray, movable: IntArray) -> float:

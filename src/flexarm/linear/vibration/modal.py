@@ -307,8 +307,15 @@ def _small_motion(
 def _solve(
     arm: Arm, q: FloatArray, spin: float, held: JointFeedback, motions: Motions, small: Tangent
 ) -> Modes:
+    from scipy.linalg import cholesky
+
     M = motions.matrix(small.mass)
-    _check_mass(M)
+    try:
+        cholesky(M)
+    except np.linalg.LinAlgError:
+        hint = "Divide the links into segments."
+        rule = "bends links beyond the second-order theory: the mass matrix is indefinite"
+        raise InputError(Problem("the state", rule, hint=hint)) from None
     K = motions.matrix(small.stiffness + np.diag(held.stiffness))
     D = motions.matrix(small.damping + np.diag(held.damping))
     squared, vectors = _undamped(M, (K + K.T) / 2.0)
@@ -337,17 +344,6 @@ def _solve(
         spin=spin,
         arm=arm,
     )
-
-
-def _check_mass(M: FloatArray) -> None:
-    from scipy.linalg import cholesky
-
-    try:
-        cholesky(M)
-    except np.linalg.LinAlgError:
-        hint = "Divide the links into segments."
-        rule = "bends links beyond the second-order theory: the mass matrix is indefinite"
-        raise InputError(Problem("the state", rule, hint=hint)) from None
 
 
 def _displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int) -> NDArray[Any]:

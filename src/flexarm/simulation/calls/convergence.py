@@ -413,7 +413,12 @@ class _Study:
     def coarsened(self) -> Mesh:
         """Return the cheapest accurate mesh, after making its links coarser one by one."""
         mesh = next(filter(self.is_accurate, self.candidates), self.reference)
-        for link in self._fast_links(mesh):
+        highest = np.zeros(len(self.links))
+        for piece in self.arm_of(mesh).assembly.pieces:
+            highest[piece.link] = max(highest[piece.link], piece.shapes.w2.max(initial=0.0))
+        for link in np.argsort(-highest, kind="stable").tolist():
+            if not mesh.steps[link]:  # rigid
+                continue
             low, high = self.least(link), mesh.steps[link]
             while low < high and self._has_room(self.run(mesh).work):
                 steps = list(mesh.steps)
@@ -428,13 +433,6 @@ class _Study:
         runs = {mesh: self.run(mesh) for mesh in filter(self.is_accurate, self.candidates)}
         order = {mesh: (run.far, run.work, mesh.theory) for mesh, run in runs.items()}
         return min(order, key=order.__getitem__, default=mesh)
-
-    def _fast_links(self, mesh: Mesh) -> list[int]:
-        """Return the flexible links (from 0), from the one with the highest frequency."""
-        highest = np.zeros(len(self.links))
-        for piece in self.arm_of(mesh).assembly.pieces:
-            highest[piece.link] = max(highest[piece.link], piece.shapes.w2.max(initial=0.0))
-        return [int(k) for k in np.argsort(-highest, kind="stable") if mesh.steps[k]]
 
     def reason(self) -> str:
         """Return why the study ended, and what the user can do."""

@@ -261,16 +261,11 @@ def add_limits(
     if not numbers:
         return dataset
     dataset = dataset.assign(limit_variables(numbers))
-    names = limited_names(readings)
+    names = [item.labels[0] for item in readings if item.limited]
     if names:
         label = {"long_name": "instrument with a limit"}
         dataset = dataset.assign_coords(instrument=("instrument", names, label))
     return dataset
-
-
-def limited_names(readings: Sequence[Readings]) -> list[str]:
-    """Return the names of the readings of instruments that have a limit."""
-    return [item.labels[0] for item in readings if item.limited]
 
 
 def limit_variables(

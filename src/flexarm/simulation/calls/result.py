@@ -65,7 +65,17 @@ def _channels_of_span(
     channels |= section_channels(inside)
     if run.arm.closure_rows:
         channels["closure_force"] = closing[:, :-1].copy()
-        _warn_of_singular_postures(times, closing[:, -1])
+        independence = closing[:, -1]
+        nearest = int(np.argmin(independence))
+        if independence[nearest] < _SINGULAR:
+            near = np.sqrt(max(independence[nearest], 0.0))
+            text = (
+                f"the mechanism is about {near:.1g} rad from a singular posture at "
+                f"t = {times[nearest]:.4g} s, where its closures depend on each other: beyond it, "
+                "the motion may continue in another working mode, and forces near it are "
+                "uncertain."
+            )
+            warn_caller(text, AccuracyWarning)
         if text := closure_warning(run.arm, closing[:, :-1]):
             warn_caller(text, LargeDeflectionWarning)
     return channels | contact_channels(run.arm, run.loads.placed.contacts, states)
@@ -73,19 +83,6 @@ def _channels_of_span(
 
 #: Independence of closures below which a run is near a singular posture: about 0.01 rad.
 _SINGULAR = 1e-4
-
-
-def _warn_of_singular_postures(times: FloatArray, independence: FloatArray) -> None:
-    """Warn if a mechanism passes a posture in which its closures depend on each other."""
-    nearest = int(np.argmin(independence))
-    if independence[nearest] < _SINGULAR:
-        near = np.sqrt(max(independence[nearest], 0.0))
-        warn_caller(
-            f"the mechanism is about {near:.1g} rad from a singular posture at "
-            f"t = {times[nearest]:.4g} s, where its closures depend on each other: beyond it, the "
-            "motion may continue in another working mode, and forces near it are uncertain.",
-            AccuracyWarning,
-        )
 
 
 class _Labels(NamedTuple):

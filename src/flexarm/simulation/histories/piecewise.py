@@ -89,23 +89,18 @@ def function_history(
         pieces = np.concatenate([np.delete(pieces, anew, axis=0), more[1]])[order]
         starts, stops = starts[order], np.concatenate([stops, more[2]])
     times = np.append(starts, duration)
-    stops = np.unique(np.concatenate([known, stops, _jumps(times, pieces, follower.allowed)]))
+    width = np.diff(times)[:-1, None]
+    left, right = pieces[:-1], pieces[1:]
+    value = left[:, 0] + width * (left[:, 1] + width * (left[:, 2] + width * left[:, 3]))
+    slope = left[:, 1] + width * (2.0 * left[:, 2] + 3.0 * width * left[:, 3])
+    narrower = np.minimum(width, np.diff(times)[1:, None])
+    jump = np.abs(value - right[:, 0]) > 100.0 * follower.allowed
+    bend = np.abs(slope - right[:, 1]) * narrower > 1000.0 * follower.allowed
+    stops = np.unique(np.concatenate([known, stops, times[1:-1][np.any(jump | bend, axis=1)]]))
     inner = stops[(stops > 0.0) & (stops < duration)]
     points = starts[:, None] + np.diff(times)[:, None] * follower.points
     gap = float(np.max(np.diff(np.union1d(points, instants))))
     return PiecewiseCubic(times, pieces, inner, gap)
-
-
-def _jumps(breaks: FloatArray, coefficients: FloatArray, allowed: float) -> FloatArray:
-    """Return the breaks at which value or slope jump by far more than the approximation error."""
-    width = np.diff(breaks)[:-1, None]
-    left, right = coefficients[:-1], coefficients[1:]
-    value = left[:, 0] + width * (left[:, 1] + width * (left[:, 2] + width * left[:, 3]))
-    slope = left[:, 1] + width * (2.0 * left[:, 2] + 3.0 * width * left[:, 3])
-    narrower = np.minimum(width, np.diff(breaks)[1:, None])
-    jump = np.abs(value - right[:, 0]) > 100.0 * allowed
-    bend = np.abs(slope - right[:, 1]) * narrower > 1000.0 * allowed
-    return breaks[1:-1][np.any(jump | bend, axis=1)]
 
 
 class _Follower:

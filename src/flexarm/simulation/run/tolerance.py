@@ -166,15 +166,12 @@ def friction_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
     """
     rates = _friction.setdefault(arm, {})
     if prescribed not in rates:
-        rates[prescribed] = _friction_rate(constants_with(arm, prescribed))
+        c = constants_with(arm, prescribed)
+        coulomb, rise, _, smoothing, viscous, more_coulomb, more_viscous = c.friction.T
+        slope = (coulomb + rise + 0.5 * more_coulomb) / smoothing + viscous + 0.5 * more_viscous
+        # Friction that holds does not settle: runs lock a joint that sticks.
+        rates[prescribed] = _fastest_decay(c, slope * c.free * (1.0 - c.holds))
     return rates[prescribed]
-
-
-def _friction_rate(c: ArmConstants) -> float:
-    coulomb, rise, _, smoothing, viscous, more_coulomb, more_viscous = c.friction.T
-    slope = (coulomb + rise + 0.5 * more_coulomb) / smoothing + viscous + 0.5 * more_viscous
-    # Friction that holds does not settle: runs lock a joint that sticks.
-    return _fastest_decay(c, slope * c.free * (1.0 - c.holds))
 
 
 def damping_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
