@@ -198,8 +198,7 @@ class StepMap:
     def slope(self) -> FloatArray:
         """Return the derivatives (m, n) at the point, exact to rounding, by complex numbers."""
         values = self(self.point + _TINY * 1j * np.eye(self.point.size))
-        slope: FloatArray = values.imag.T / _TINY
-        return slope
+        return np.asarray(values.imag.T / _TINY)
 
     def linear(self, slope: FloatArray) -> LinearController:
         """Return derivatives (m, n) as matrices."""

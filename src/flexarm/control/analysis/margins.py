@@ -310,8 +310,7 @@ def _of_joint(
     """Return the margins of the loop opened at one joint."""
 
     def returned(at: FloatArray) -> ComplexArray:
-        now: ComplexArray = 1.0 / _at(loop, at)[:, joint, joint] - 1.0
-        return now
+        return np.asarray(1.0 / _at(loop, at)[:, joint, joint] - 1.0)
 
     L = 1.0 / S - 1.0
     turned = _crossings(angles, L.imag, lambda at: returned(at).imag)

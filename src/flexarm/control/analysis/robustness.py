@@ -138,8 +138,7 @@ def _check_unstable_poles(loops: Sequence[SampledLoop]) -> None:
 def _transfer(loop: SampledLoop, angles: FloatArray) -> ComplexArray:
     """Return the loop transfer (f, joints, joints) at the motors, for negative feedback."""
     S = loop.sensitivity(np.exp(1j * angles))
-    found: ComplexArray = np.linalg.inv(S) - np.eye(S.shape[1])
-    return found
+    return np.asarray(np.linalg.inv(S) - np.eye(S.shape[1]))
 
 
 def _bounds(returned: ComplexArray, root: FloatArray, accepted: float) -> FloatArray:
@@ -190,16 +189,14 @@ def _fourth_root(squares: ComplexArray) -> ComplexArray:
     values, vectors = np.linalg.eigh(squares)
     least = _FLAT * values[:, -1:] + np.finfo(float).tiny
     roots = np.maximum(values, least) ** 0.25
-    found: ComplexArray = (vectors * roots[:, None, :]) @ np.conj(np.swapaxes(vectors, -1, -2))
-    return found
+    return np.asarray((vectors * roots[:, None, :]) @ np.conj(np.swapaxes(vectors, -1, -2)))
 
 
 def _relative(returned: ComplexArray, root: FloatArray) -> FloatArray:
     """Return the largest relative change (f,) from the first loop; (C.149)."""
     change = np.linalg.solve(returned[0], returned) - np.eye(returned.shape[-1])
     normal = np.linalg.solve(root, change @ root)
-    found: FloatArray = np.linalg.svd(normal, compute_uv=False)[..., 0].max(axis=0)
-    return found
+    return np.asarray(np.linalg.svd(normal, compute_uv=False)[..., 0].max(axis=0))
 
 
 def fitted_weight(omega: FloatArray, size: FloatArray) -> tuple[dict[str, float], FloatArray]:
@@ -217,8 +214,7 @@ def fitted_weight(omega: FloatArray, size: FloatArray) -> tuple[dict[str, float]
     def magnitude(numbers: FloatArray) -> FloatArray:
         low, high, time = np.exp(numbers)
         ahead = 1j * time * omega
-        found: FloatArray = np.log(np.abs((low + ahead) / (1.0 + ahead / high)))
-        return found
+        return np.asarray(np.log(np.abs((low + ahead) / (1.0 + ahead / high))))
 
     middle = np.log(omega[int(np.argmax(wanted))])
     start = np.array([wanted[0], wanted.max(), -middle])

@@ -211,15 +211,13 @@ class SampledLoop:
         maps = self.matrices()
         z = np.linalg.eigvals(reduce(lambda done, now: now @ done, maps)).astype(complex)
         z = z ** (1.0 / len(maps))
-        found: ComplexArray = z[np.argsort(-np.abs(z))]
-        return found
+        return np.asarray(z[np.argsort(-np.abs(z))])
 
     def poles(self) -> ComplexArray:
         """Return the poles (k,), 1/s, slowest decay first: ``log(z) / sample_time``."""
         z = self.multipliers()
         # Multipliers of zero have no pole. They belong to states that no later sample uses.
-        poles: ComplexArray = np.log(z[np.abs(z) > _NONE]) / self.sample_time
-        return poles
+        return np.asarray(np.log(z[np.abs(z) > _NONE]) / self.sample_time)
 
     def sensitivity(self, z: ComplexArray) -> ComplexArray:
         """Return the input sensitivity (f, joints, joints) at points z (f,) of the complex plane.
@@ -244,8 +242,7 @@ def response(A: FloatArray, B: FloatArray, C: FloatArray, z: ComplexArray) -> Co
     if not len(A):
         return np.zeros((len(z), len(C), B.shape[1]), dtype=complex)
     shifted: ComplexArray = np.asarray(z[:, None, None] * np.eye(len(A)) - A, dtype=complex)
-    response: ComplexArray = C @ solved_each(shifted, B)
-    return response
+    return np.asarray(C @ solved_each(shifted, B))
 
 
 #: Factors on the rate, and weights of a mean that cancels terms of first to third order.

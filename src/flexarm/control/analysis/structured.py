@@ -176,8 +176,7 @@ def closed_loop(plant: Matrices, size: int, K: Matrices, omega: FloatArray) -> C
     """Return the response (f, size, size) of a plant with the controller u = K v; from w to z."""
     P, k = (response(A, B, C, 1j * omega) + D for A, B, C, D in (plant, K))
     inner = np.linalg.solve(np.eye(P.shape[1] - size) - P[:, size:, size:] @ k, P[:, size:, :size])
-    found: ComplexArray = P[:, :size, :size] + P[:, :size, size:] @ k @ inner
-    return found
+    return np.asarray(P[:, :size, :size] + P[:, :size, size:] @ k @ inner)
 
 
 def _synthesis(
@@ -265,8 +264,7 @@ def _fitted(
         for k in range(count):
 
             def missed(x: FloatArray, k: int = k) -> FloatArray:
-                found: FloatArray = (_magnitude(x, omega) - wanted[:, k]) * share
-                return found
+                return np.asarray((_magnitude(x, omega) - wanted[:, k]) * share)
 
             first = [np.average(wanted[:, k], weights=share)]
             corners = middle + np.linspace(-1.0, 1.0, 2 * each)

@@ -115,13 +115,11 @@ class Group:
 
     def samples(self, place: int) -> FloatArray:
         """Return the samples (k, 2, n, 1 + m) of a run."""
-        samples: FloatArray = self.runs.samples[place, : self.runs.counts[place, SAMPLES]]
-        return samples
+        return np.asarray(self.runs.samples[place, : self.runs.counts[place, SAMPLES]])
 
     def unit(self, place: int) -> FloatArray:
         """Return `Tolerance.unit` of a run."""
-        unit: FloatArray = self.runs.unit[min(place, len(self.runs.unit) - 1)]
-        return unit
+        return np.asarray(self.runs.unit[min(place, len(self.runs.unit) - 1)])
 
 
 class Lanes(ABC):

@@ -130,8 +130,7 @@ class Goal:
         now = self._times[self._moving]
         desired = np.array([force(float(t)) for t in now])
         across = np.array([normal(float(t)) for t in now])
-        missed: FloatArray = np.sum(across * contact_force[self._moving, 0], axis=1) - desired
-        return missed
+        return np.asarray(np.sum(across * contact_force[self._moving, 0], axis=1) - desired)
 
 
 def reference_angles(reference: Reference, times: FloatArray, joints: int) -> FloatArray:

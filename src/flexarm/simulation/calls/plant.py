@@ -273,5 +273,4 @@ class Plant:
         """Forces (contacts, 2) of contacts on the arm, N, world axes."""
         run = self._loop.run
         state = run.progress.state[None]
-        forces: FloatArray = contact_forces(self.arm, run.loads.placed.contacts, state)[0]
-        return forces
+        return np.asarray(contact_forces(self.arm, run.loads.placed.contacts, state)[0])

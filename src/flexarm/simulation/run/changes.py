@@ -139,8 +139,7 @@ def _difference(before: FloatArray, after: FloatArray) -> FloatArray:
     """Return the eigenvalues of the change of a mass matrix, relative to it; rounding is zero."""
     scale = 1.0 / np.sqrt(np.diag(after))
     values = np.linalg.eigvalsh((after - before) * np.outer(scale, scale))
-    found: FloatArray = np.where(np.abs(values) > _ROUNDING * len(values), values, 0.0)
-    return found
+    return np.asarray(np.where(np.abs(values) > _ROUNDING * len(values), values, 0.0))
 
 
 def payload_impulse(arm: Arm, state: FloatArray, mass: float, velocity: FloatArray) -> FloatArray:
@@ -150,8 +149,7 @@ def payload_impulse(arm: Arm, state: FloatArray, mass: float, velocity: FloatArr
     lever = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ offset
     rows = np.array([arm.tip_velocity(q, unit) for unit in np.eye(arm.dof)])
     J = rows[:, :2] + np.outer(rows[:, 2], [-lever[1], lever[0]])
-    found: FloatArray = mass * (J @ velocity)
-    return found
+    return np.asarray(mass * (J @ velocity))
 
 
 class ChangedArm(NamedTuple):

@@ -555,8 +555,7 @@ class Watch:
 
 def _crossed(before: FloatArray, after: FloatArray) -> FloatArray:
     """Return whether values reached or crossed zero; a value that starts at zero does not count."""
-    crossed: FloatArray = (before != 0.0) & (np.sign(before) * np.sign(after) <= 0.0)
-    return crossed
+    return np.asarray((before != 0.0) & (np.sign(before) * np.sign(after) <= 0.0))
 
 
 def _at_once(event: Event, times: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray | None:

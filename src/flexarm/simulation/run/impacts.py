@@ -285,8 +285,7 @@ def growth_error(arm: Arm, samples: FloatArray, others: FloatArray) -> FloatArra
     """Estimate the error (k,) of the tip in samples (k, 2, n, 1 + m), over the reach."""
     count = min(len(samples), len(others))
     tips = (tips_of(arm, states[:count])[:, :2] for states in (samples, others))
-    error: FloatArray = share_of_finer(LOOSER) / reach_of(arm) * np.hypot(*np.subtract(*tips).T)
-    return error
+    return np.asarray(share_of_finer(LOOSER) / reach_of(arm) * np.hypot(*np.subtract(*tips).T))
 
 
 def repeats_growth(error: FloatArray, request: float) -> bool:
@@ -414,8 +413,7 @@ def difference(run: Run, before: FloatArray, before_times: FloatArray, count: in
     same = before_times[:count] == run.sample_times[:count]
     unit = run.tolerance.unit[0]
     apart = np.abs(before[:count, 0] - run.samples[:count, 0]) / unit
-    largest: FloatArray = apart.max(axis=(1, 2)) * same * float(unit[:, 0].min())
-    return largest
+    return np.asarray(apart.max(axis=(1, 2)) * same * float(unit[:, 0].min()))
 
 
 def _parted(run: Run) -> float:
@@ -433,8 +431,7 @@ def _error_of_finer(apart: FloatArray, coarse: float, fine: float, parted: float
     """Estimate the error of the finer of two runs, from their difference and their tolerances."""
     gain = _gain(coarse, fine)
     share = np.where(apart > parted, max(_SHARE, gain), gain)
-    error: FloatArray = np.where(np.isfinite(apart), apart * share, np.inf)
-    return error
+    return np.asarray(np.where(np.isfinite(apart), apart * share, np.inf))
 
 
 def _doubt(run: Run, error: FloatArray, allowed: float, remedy: str = "") -> None:
