@@ -168,22 +168,9 @@ def design(
     unknown = B * torques @ B.T + _NOISE * unsure**2 * bend_energy * forced @ stiffness @ forced.T
     noise = np.diag(sizes_of("measured", model, requirements.measured) ** 2)
     estimator, spread, seen = kalman(A, C, pushed @ pushed.T + unknown, noise, sizes)
-    return Design(
-        posture,
-        rest.q[elastic],
-        A,
-        B,
-        B_all[:, B_all.shape[1] - elastic.size :],
-        C,
-        Z,
-        gain,
-        cost,
-        weight,
-        torque_weight,
-        estimator,
-        spread,
-        seen,
-    )
+    at_rest = posture, rest.q[elastic], A, B, B_all[:, B_all.shape[1] - elastic.size :]
+    gains = gain, cost, weight, torque_weight
+    return Design(*at_rest, C, Z, *gains, estimator, spread, seen)
 
 
 def bending(

@@ -163,21 +163,10 @@ class PredictedReadings:
         found: FloatArray,
     ) -> None:
         arm, kernels = self.arm, self._kernels
-        self._point_jacobian(
-            kernels.sizes,
-            *constants,
-            places,
-            arm.padded(x.reshape(2, -1)).astype(complex),
-            arm.padded_torque(torque).astype(complex),
-            kernels.loads,
-            self.stations,
-            kernels.work,
-            self._acceleration,
-            self._poses,
-            self._tip,
-            self._motions,
-            found,
-        )
+        state, tau = arm.padded(x.reshape(2, -1)), arm.padded_torque(torque)
+        point = state.astype(complex), tau.astype(complex), kernels.loads, self.stations
+        buffers = kernels.work, self._acceleration, self._poses, self._tip, self._motions
+        self._point_jacobian(kernels.sizes, *constants, places, *point, *buffers, found)
 
 
 class Link(NamedTuple):

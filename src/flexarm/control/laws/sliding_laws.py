@@ -242,21 +242,9 @@ class Adaptive(AdaptiveParameters, SlidingController):
         columns = self._model.regressor(
             now.angle, now.rate, now.reference_rate, now.reference_acceleration
         )
-        self._law(
-            columns,
-            self._model.known,
-            now.s,
-            self.damping,
-            self.adaptation,
-            self.leakage,
-            self.dead_zone,
-            self._start,
-            self._lower,
-            self._upper,
-            self.sample_time,
-            estimate,
-            torque,
-        )
+        gains = self.damping, self.adaptation, self.leakage, self.dead_zone
+        limits = self._start, self._lower, self._upper, self.sample_time
+        self._law(columns, self._model.known, now.s, *gains, *limits, estimate, torque)
         return {"estimate": estimate, **after}, torque
 
 
@@ -328,20 +316,9 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
                 now.rate[first] * now.reference_rate[second],
             ]
         )
-        self._law(
-            now.angle,
-            signals,
-            now.s,
-            self._centres,
-            self._sharpness,
-            self.damping,
-            self.adaptation,
-            self.leakage,
-            self.e_modification,
-            self.sample_time,
-            weights,
-            torque,
-        )
+        gains = self.damping, self.adaptation, self.leakage, self.e_modification, self.sample_time
+        centres, sharpness = self._centres, self._sharpness
+        self._law(now.angle, signals, now.s, centres, sharpness, *gains, weights, torque)
         after = {"weights": weights, **after}
         if self._model is None:
             return after, torque

@@ -99,8 +99,18 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
     last = arm.links
     if name == "torque":
         return [Input(f"torque[{n}]", "N m", joint=k) for k, n in enumerate(arm.joint_numbers)]
-    if name == "voltage":
-        return _voltages(arm)
+    if name == "voltage":  # the damping of these joints contains the back-EMF
+        voltages = [
+            Input(f"voltage[{n}]", "V", joint=k, gain=arm.spec.joints[n - 1].torque_per_voltage)
+            for k, n in enumerate(arm.joint_numbers)
+            if arm.spec.joints[n - 1].winding is not None
+        ]
+        if voltages:
+            return voltages
+        hint = "Give its joints a winding: fa.Joint(..., winding=fa.Winding(...))."
+        raise InputError(
+            Problem("inputs", "contain voltage, but no joint has a winding", hint=hint)
+        )
     if name == "tip_force":
         forces = ((1.0, 0.0), (0.0, 1.0))
         return [
@@ -113,21 +123,6 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
         return [Input(f"base_acceleration[{a}]", "m/s^2", axis=k) for k, a in enumerate(_AXES)]
     rule = "be a Load or one of " + ", ".join(map(repr, INPUTS))
     raise InputError(Problem("inputs", rule, shown(name)))
-
-
-def _voltages(arm: Arm) -> list[Input]:
-    """Return the voltages of joints with a winding; their damping contains the back-EMF."""
-    voltages = []
-    for k, n in enumerate(arm.joint_numbers):
-        joint = arm.spec.joints[n - 1]
-        if joint.winding is not None:
-            voltages.append(Input(f"voltage[{n}]", "V", joint=k, gain=joint.torque_per_voltage))
-    if not voltages:
-        hint = "Give its joints a winding: fa.Joint(..., winding=fa.Winding(...))."
-        raise InputError(
-            Problem("inputs", "contain voltage, but no joint has a winding", hint=hint)
-        )
-    return voltages
 
 
 def find_outputs(arm: Arm, requested: Sequence[OutputName], contacts: int = 0) -> list[Output]:
@@ -232,16 +227,9 @@ def control_system(model: Any, **options: Any) -> control.StateSpace:
         import control
     except ImportError:
         raise library_missing("python-control", "control") from None
-    return control.StateSpace(
-        model.A,
-        model.B,
-        model.C,
-        model.D,
-        inputs=list(model.inputs),
-        outputs=list(model.outputs),
-        remove_useless_states=False,
-        **options,
-    )
+    matrices = model.A, model.B, model.C, model.D
+    options |= {"inputs": list(model.inputs), "outputs": list(model.outputs)}
+    return control.StateSpace(*matrices, remove_useless_states=False, **options)
 
 
 @dataclass(frozen=True, eq=False)

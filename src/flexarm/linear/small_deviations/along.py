@@ -145,13 +145,12 @@ class Separation:
             _sample(self.arm, self.motion, self.kept, times[k : k + _CHUNK])
             for k in range(0, max(times.size, 1), _CHUNK)
         ]
-        reference = Reference(
-            *(np.concatenate(p) for p in zip(*(a for a, _ in parts), strict=True))
+        reference, deviation = (
+            [np.concatenate(arrays) for arrays in zip(*records, strict=True)]
+            for records in zip(*parts, strict=True)
         )
-        deviation = Deviation(
-            *(np.concatenate(p) for p in zip(*(b for _, b in parts), strict=True))
-        )
-        return Separation(self.arm, self.motion, self.joints, self.kept, reference, deviation)
+        samples = Reference(*reference), Deviation(*deviation)
+        return Separation(self.arm, self.motion, self.joints, self.kept, *samples)
 
     def quasi_static(self) -> FloatArray:
         """Return the quasi-static estimate of dq (T, k), the static deflection under ``r``; (D.7).
@@ -181,10 +180,8 @@ class Separation:
         """Return the samples as an ``xarray.Dataset`` labelled with states and inputs."""
         import xarray as xr
 
-        q, tau = (
-            [f"q[{i}]" for i in self.kept],
-            [f"torque_{number}" for number in self.arm.joint_numbers],
-        )
+        q = [f"q[{i}]" for i in self.kept]
+        tau = [f"torque_{number}" for number in self.arm.joint_numbers]
         states = [f"d{name}" for name in q] + [f"d{name}/dt" for name in q]
         ref, dev = self.reference, self.deviation
         pairs, whole = ("time", "coordinate", "coordinate_too"), ("time", "arm_coordinate")
@@ -448,9 +445,8 @@ def held_step_maps(
     """
     count = len(q)
     for first in range(0, count - 1, _CHUNK):
-        by_state, by_force = _step_maps(
-            arm, step, q, qd, slice(first, min(first + _CHUNK, count - 1))
-        )
+        part = slice(first, min(first + _CHUNK, count - 1))
+        by_state, by_force = _step_maps(arm, step, q, qd, part)
         yield first, by_state, by_force.sum(axis=2)
 
 

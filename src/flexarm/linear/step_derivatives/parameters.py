@@ -93,9 +93,8 @@ def constants_by(arm: Arm, parameter: str) -> ArmConstants:
             shapes = piece.shapes
             if name == "length" and (np.any(shapes.rotary) or np.any(shapes.shear_parameter)):
                 rule = f"{parameter} is not supported for a link with rotary inertia or shear"
-                hint = (
-                    "Its mode shapes depend on its length. Use rotary_inertia=False and no shear."
-                )
+                hint = "Its mode shapes depend on its length. "
+                hint += "Use rotary_inertia=False and no shear."
                 raise InputError(Problem("parameter", rule, hint=hint))
         scales[link][name] = 1.0 + 1j * STEP
     moved = _scaled_constants(arm, spec, scales, complex)

@@ -162,18 +162,9 @@ def _explicit_step(
     stages, after = kernels.zeros(len(rows) - 1, 2), kernels.zeros(2)
 
     def step(x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
-        held_torque_step(
-            kernels.sizes,
-            _complex(constants),
-            rows,
-            h,
-            arm.padded(x.reshape(2, -1)).astype(complex),
-            torque.astype(complex),
-            kernels.loads,
-            kernels.work,
-            stages,
-            after,
-        )
+        state = arm.padded(x.reshape(2, -1)).astype(complex)
+        point = state, torque.astype(complex), kernels.loads, kernels.work, stages, after
+        held_torque_step(kernels.sizes, _complex(constants), rows, h, *point)
         return arm.unpadded(after).ravel()
 
     return step
@@ -285,24 +276,12 @@ class SampledStep:
         """Write the state after the steps to ``_new``, and the last derivatives to ``_slopes``."""
         arm = self.arm
         plain, moved = constants
-        held_torque_jacobian(
-            self._kernels.sizes,
-            plain,
-            moved,
-            self._rows,
-            self._h,
-            self.steps,
-            places,
-            bodies,
-            arm.padded(x.reshape(2, -1)).astype(complex),
-            arm.padded_torque(torque).astype(complex),
-            self._kernels.loads,
-            self._kernels.work,
-            self._stages,
-            self._before,
-            self._new,
-            self._slopes[-1 - len(places) - len(bodies) :],
-        )
+        kernels, count = self._kernels, 1 + len(places) + len(bodies)
+        state, tau = arm.padded(x.reshape(2, -1)), arm.padded_torque(torque)
+        steps = self._rows, self._h, self.steps, places, bodies
+        point = state.astype(complex), tau.astype(complex), kernels.loads, kernels.work
+        buffers = self._stages, self._before, self._new, self._slopes[-count:]
+        held_torque_jacobian(kernels.sizes, plain, moved, *steps, *point, *buffers)
 
 
 def state_places(arm: Arm) -> IntArray:

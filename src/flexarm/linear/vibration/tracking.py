@@ -150,9 +150,8 @@ def _follow(
     named: tuple[str, str],
 ) -> ModeTracks:
     if parameter.size == 0 or np.any(np.diff(parameter) <= 0.0):
-        raise InputError(
-            Problem(named[0], "be one or more numbers in increasing order", shown(parameter))
-        )
+        rule = "be one or more numbers in increasing order"
+        raise InputError(Problem(named[0], rule, shown(parameter)))
     bent: list[FloatArray] = []
 
     def solved(at: float) -> Modes:

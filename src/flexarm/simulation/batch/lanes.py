@@ -326,19 +326,10 @@ class Lanes(ABC):
             pulled = axial_load(run.arm, times, samples[row], run.loads)
             notices = joined(bent, pulled, *texts[row])
             warnings.append(joined(*self._warnings(group, place, notices)))
-        return Outcome(
-            [run.number for run in own],
-            times,
-            channels,
-            self._shared.duration,
-            DURATION,
-            "",
-            group.method.name,
-            warnings,
-            counts[places, STEPS].tolist(),
-            counts[places, EVALUATIONS].tolist(),
-            limits,
-        )
+        numbers = [run.number for run in own]
+        reached = self._shared.duration, DURATION, "", group.method.name
+        work = counts[places, STEPS].tolist(), counts[places, EVALUATIONS].tolist()
+        return Outcome(numbers, times, channels, *reached, warnings, *work, limits)
 
     def _stepper(self, group: Group, looser: float) -> LaneStepper:
         """Return the stepper of a group, whose arms and loads have arrays of equal sizes."""
@@ -385,13 +376,9 @@ class OpenLanes(Lanes):
         stops = run.loads.stops_with(run.drive)
         choice = choose_by_drive(choice, run.arm, stops, self._shared.duration)
         touch = max(tolerance.fastest, run.touch)
-        start = Start(
-            run.arm,
-            run.state,
-            self._tolerance_of(run.arm)._replace(fastest=touch),
-            self._shared.duration,
-            partial(system_of, run.arm, (), run.loads, run.drive),
-        )
+        tolerance = self._tolerance_of(run.arm)._replace(fastest=touch)
+        system = partial(system_of, run.arm, (), run.loads, run.drive)
+        start = Start(run.arm, run.state, tolerance, self._shared.duration, system)
         return choose_by_work(choice, start)
 
     def _carry(self, group: Group, looser: float = 1.0) -> None:

@@ -73,18 +73,10 @@ def arm_inputs(arm: Arm, environment: Environment) -> ArmInputs:
     """Return the numbers of an arm with loads and contacts."""
     placed = Environment(environment.loads, None, environment.contacts).placed(arm)
     contacts = placed.contacts
-    return ArmInputs(
-        *arm.assembly.constants,
-        place_gauges(arm, arm.gauges)[0],
-        placed.weight,
-        placed.lever,
-        placed.rows,
-        placed.slopes,
-        placed.shortening,
-        contacts.rows,
-        contacts.shortening,
-        contacts.law,
-    )
+    loads = placed.weight, placed.lever, placed.rows, placed.slopes, placed.shortening
+    points = contacts.rows, contacts.shortening, contacts.law
+    gauges = place_gauges(arm, arm.gauges)[0]
+    return ArmInputs(*arm.assembly.constants, gauges, *loads, *points)
 
 
 def inputs_of_run(run: Run, environment: Environment) -> Inputs:

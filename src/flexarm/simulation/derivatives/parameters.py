@@ -86,11 +86,8 @@ def arm_derivative(name: str, arm: Arm, environment: Environment, path: str) -> 
         if value == 0.0:
             hint = "It is 0 in this arm. Give it another value."
             raise InputError(Problem(name, SMOOTH, shown(path), hint))
-        return ArmInputs(
-            *differences(
-                name, path, value, abs(value), lambda v: _moved(name, arm, environment, path, v)
-            )
-        )
+        at = partial(_moved, name, arm, environment, path)
+        return ArmInputs(*differences(name, path, value, abs(value), at))
     found = _by_formula(arm, environment, path, value)
     if value == 0.0:
         _check_zero(name, arm, environment, path, found)
@@ -167,18 +164,11 @@ def _by_formula(arm: Arm, environment: Environment, path: str, value: float) -> 
 
     shape, square = POWERS["mass"]["P"], POWERS["mass"]["G"]
     points = loads.contacts
-    moved = ArmInputs(
-        *constants,
-        gauges,
-        loads.weight,
-        loads.lever,
-        shapes(loads.rows, loads.body, shape),
-        shapes(loads.slopes, loads.body, shape),
-        shapes(loads.shortening, loads.body, square),
-        shapes(points.rows, points.body, shape),
-        shapes(points.shortening, points.body, square),
-        points.law,
-    )
+    moved = [*constants, gauges, loads.weight, loads.lever]
+    moved += [shapes(rows, loads.body, shape) for rows in (loads.rows, loads.slopes)]
+    moved.append(shapes(loads.shortening, loads.body, square))
+    moved.append(shapes(points.rows, points.body, shape))
+    moved += [shapes(points.shortening, points.body, square), points.law]
     return ArmInputs(*(np.imag(array) / STEP for array in moved))
 
 
@@ -200,9 +190,7 @@ def _check_zero(name: str, arm: Arm, environment: Environment, path: str, found:
     size = _PROBE * size_of_zero(arm, arm.spec, path)
     for change in (size, -size):
         try:
-            moved = [
-                _moved(name, arm, environment, path, share * change) for share in (1.0, _SMALLER)
-            ]
+            moved = [_moved(name, arm, environment, path, c) for c in (change, _SMALLER * change)]
         except InputError:  # the model limits this number on one side
             continue
         if all(map(_is_slope, before, *moved, found, [change] * len(before))):
@@ -354,27 +342,16 @@ def simulated(
     run = situation.new_run(meter)
     tips = int(situation.tip_force is not None)
     if situation.controller is not None:
-        loop = RecordedLoop(
-            run,
-            situation.controller,
-            situation.reference,
-            situation.hardware,
-            channels_of_states(arm),
-        )
+        law = situation.controller, situation.reference, situation.hardware
+        loop = RecordedLoop(run, *law, channels_of_states(arm))
         loop.execute()
         run.history = loop.history
         return Parameters(run, environment, inputs_of_run(run, environment), None, tips, loop)
     history_of = situation.history_of(run)
     torque_of = partial(stopping_at_breaks, history_of) if by_samples else history_of
     (run_to_slips if once else run_accurately)(run, torque_of, checkpoints)
-    return Parameters(
-        run,
-        environment,
-        inputs_of_run(run, environment),
-        _samples(situation, history_of),
-        tips,
-        checkpoints=checkpoints,
-    )
+    inputs, samples = inputs_of_run(run, environment), _samples(situation, history_of)
+    return Parameters(run, environment, inputs, samples, tips, checkpoints=checkpoints)
 
 
 def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]) -> Samples | None:

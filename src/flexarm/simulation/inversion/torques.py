@@ -361,13 +361,7 @@ def joint_support(
         joint = joints[seat.link]
         changed = {"stiffness": joint.stiffness + float(k), "damping": joint.damping + float(c)}
         joints[seat.link] = joint.replace(**changed)
-    return JointSupport(
-        Arm(arm.spec.replace(joints=joints)),
-        motion,
-        stiffness,
-        damping,
-        np.array([joint.rest_angle for joint in turning]),
-        np.stack([rest.q[arm.joint_index] for rest in ends]) - angles,
-        start,
-        end,
-    )
+    rest_angles = np.array([joint.rest_angle for joint in turning])
+    sag = np.stack([rest.q[arm.joint_index] for rest in ends]) - angles
+    supported = Arm(arm.spec.replace(joints=joints))
+    return JointSupport(supported, motion, stiffness, damping, rest_angles, sag, start, end)

@@ -319,18 +319,8 @@ def _point(arm: Arm, sensor: Sensor) -> Reader:
 
     def read(state: FloatArray, system: System, t: float) -> FloatArray:
         slope(system, t, True, state, torque, stages, 0, True)
-        motions(
-            system.sizes,
-            system.constants,
-            state,
-            stages[0, 1],
-            system.drive.loads,
-            places,
-            system.work,
-            body_poses,
-            tip,
-            motion,
-        )
+        now = system.sizes, system.constants, state, stages[0, 1], system.drive.loads
+        motions(*now, places, system.work, body_poses, tip, motion)
         return motion[0, sensor.columns].copy()
 
     return read

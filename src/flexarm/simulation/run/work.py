@@ -242,13 +242,8 @@ def choose(run: Run, history: PiecewiseCubic) -> None:
     changed = run.changes.times if run.changes is not None else np.zeros(0)
     stops = np.concatenate([run.loads.stops_with(history), changed])
     choice = choose_by_drive(run.choice, run.arm, stops, run.duration)
-    start = Start(
-        run.arm,
-        run.progress.state,
-        run.tolerance,
-        run.duration,
-        partial(system_of, run.arm, run.prescribed, run.loads, history),
-    )
+    system = partial(system_of, run.arm, run.prescribed, run.loads, history)
+    start = Start(run.arm, run.progress.state, run.tolerance, run.duration, system)
     ends = run.watch is not None and any(event.terminal for event in run.watch.log.events)
     choice = choose_by_work(choice, start, open_end=ends or run.changes is not None)
     if choice is not run.choice:
