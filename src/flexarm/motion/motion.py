@@ -127,12 +127,8 @@ class TimingLaw:
         index = np.arange(pieces)
         first = self.on_pieces(index, np.zeros(pieces))
         last = self.on_pieces(index, np.diff(self.breaks))
-        ends = {
-            "s(0)": (first.s[0], 0.0),
-            "s'(0)": (first.ds[0], 0.0),
-            "s(1)": (last.s[-1], 1.0),
-            "s'(1)": (last.ds[-1], 0.0),
-        }
+        ends = {"s(0)": (first.s[0], 0.0), "s'(0)": (first.ds[0], 0.0)}
+        ends |= {"s(1)": (last.s[-1], 1.0), "s'(1)": (last.ds[-1], 0.0)}
         for k in range(pieces - 1):
             ends[f"s at the start of piece {k + 1}"] = (first.s[k + 1], last.s[k])
             ends[f"s' at the start of piece {k + 1}"] = (first.ds[k + 1], last.ds[k])

@@ -321,13 +321,10 @@ def _of_joint(
     at = _crossings(angles, np.abs(L) - 1.0, lambda at: np.abs(returned(at)) - 1.0)
     phase = np.angle(-returned(at)) if at.size else np.zeros(0)
     lag = np.where(phase > 0.0, phase, phase + 2.0 * np.pi)
-    return (
-        float(more.min(initial=np.inf)),
-        float(less.max(initial=0.0)),
-        float(np.abs(phase).min(initial=np.pi)),
-        float((lag / np.maximum(at, 1e-300)).min(initial=np.inf)) * loop.sample_time,
-        2.0 / _largest(loop, joint, angles, np.abs(2.0 * S - 1.0)),
-    )
+    gains = float(more.min(initial=np.inf)), float(less.max(initial=0.0))
+    delay = float((lag / np.maximum(at, 1e-300)).min(initial=np.inf)) * loop.sample_time
+    disk = 2.0 / _largest(loop, joint, angles, np.abs(2.0 * S - 1.0))
+    return *gains, float(np.abs(phase).min(initial=np.pi)), delay, disk
 
 
 def _largest(loop: SampledLoop, joint: int, angles: FloatArray, size: FloatArray) -> float:

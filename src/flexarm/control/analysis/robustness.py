@@ -149,12 +149,9 @@ def _bounds(returned: ComplexArray, root: FloatArray, accepted: float) -> FloatA
     S = np.linalg.inv(np.eye(m) + centre)
     # The uncertainty acts on normalised torques, the sensitivity on those of the motors.
     inverse = np.linalg.inv(root)
-    whole = np.block(
-        [
-            [-right @ S @ left, right @ S @ inverse],
-            [-root @ S @ left / accepted, root @ S @ inverse / accepted],
-        ]
-    )
+    first = [-right @ S @ left, right @ S @ inverse]
+    second = [-root @ S @ left / accepted, root @ S @ inverse / accepted]
+    whole = np.block([first, second])
     stability = structured_bound(whole[:, :m, :m], [m])
     return np.array([stability, structured_bound(whole, [m, m])])
 

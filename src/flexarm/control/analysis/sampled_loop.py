@@ -302,13 +302,9 @@ def _without_dry_friction(arm: Arm) -> Arm:
         return arm
     dry = {"coulomb": 0.0, "static": None, "coulomb_negative": None}
     dry |= {"bristle_stiffness": None, "bristle_damping": 0.0}
-    joints = [
-        joint.replace(friction=joint.friction.replace(**dry))
-        if joint.friction is not None
-        else joint
-        for joint in arm.spec.joints
-    ]
-    return Arm(arm.spec.replace(joints=joints))
+    frictions = [joint.friction and joint.friction.replace(**dry) for joint in arm.spec.joints]
+    pairs = zip(arm.spec.joints, frictions, strict=True)
+    return Arm(arm.spec.replace(joints=[joint.replace(friction=own) for joint, own in pairs]))
 
 
 def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[Instrument]:

@@ -191,22 +191,15 @@ class Controller(ABC):
             name = f"The tuple {cls.__name__}.memory"
             warn_deprecated(name, "step and initial_memory, from which margins follow", "0.3")
         if cls.__module__.startswith("flexarm."):
-            checks = (
-                ("update", _checked_update),
-                ("feedback", _checked_update),
-                ("requirements", _checked_requirements),
-            )
-            for name, checked in checks:
-                if name in vars(cls):
-                    setattr(cls, name, checked(vars(cls)[name]))
+            for name in {"update", "feedback", "requirements"} & vars(cls).keys():
+                checked = _checked_requirements if name == "requirements" else _checked_update
+                setattr(cls, name, checked(vars(cls)[name]))
 
     def planned(self, t: float, reference: Reference) -> Arrays:
         """Return the inputs at time t (s) that are known in advance, by name."""
-        return {
-            "reference_angle": reference.joint_angle(t),
-            "reference_rate": reference.joint_rate(t),
-            "reference_acceleration": reference.joint_acceleration(t),
-        }
+        places = {"reference_angle": reference.joint_angle(t)}
+        rates = {"reference_rate": reference.joint_rate(t)}
+        return places | rates | {"reference_acceleration": reference.joint_acceleration(t)}
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         """Return the memory before the first step, by name; empty by default."""
@@ -569,8 +562,6 @@ class Around(Controller):
     ) -> ControllerRequirements:
         """Return the requirements of the inner controller and those of ``joints`` joints."""
         inner = requirements_of(self.inner, arm, reference)
-        return ControllerRequirements(
-            joints if joints != arm.joints else inner.joints,
-            tuple(dict.fromkeys([*JOINTS, *inner.measured])),
-            inner.gauges,
-        )
+        measured = tuple(dict.fromkeys([*JOINTS, *inner.measured]))
+        count = joints if joints != arm.joints else inner.joints
+        return ControllerRequirements(count, measured, inner.gauges)

@@ -93,16 +93,10 @@ def design_requirements(
     seen = check_names("measured", measured, MEASURED, arm)
     if "tip" in checked and "tip" not in seen:
         raise InputError(Problem("measured", "must contain the tip to integrate it"))
-    return DesignRequirements(
-        check_names("acceptable", acceptable, _ACCEPTABLE, arm),
-        torque,
-        seen,
-        check_names("disturbance", disturbance, DISTURBANCES, arm),
-        checked,
-        rate,
-        given.recovery,
-        given.rigidity_uncertainty,
-    )
+    acceptable = check_names("acceptable", acceptable, _ACCEPTABLE, arm)
+    disturbance = check_names("disturbance", disturbance, DISTURBANCES, arm)
+    more = rate, given.recovery, given.rigidity_uncertainty
+    return DesignRequirements(acceptable, torque, seen, disturbance, checked, *more)
 
 
 #: Exponents of rate, length and force in each unit. Electrical units have no scale in an arm.

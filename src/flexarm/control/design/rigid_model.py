@@ -207,18 +207,9 @@ class RigidParameters:
         motion = self._motion
         motion[0], motion[1] = angle, rate
         motion[2], motion[3] = reference_rate, reference_acceleration
-        self._kernels.call(
-            regressor,
-            self._kernels.loads,
-            self._kernels.work,
-            self._sets,
-            self._inertial,
-            self._bodies,
-            motion,
-            self._state,
-            self._acceleration,
-            self._columns,
-        )
+        work = self._kernels.loads, self._kernels.work, self._sets, self._inertial, self._bodies
+        buffers = self._state, self._acceleration, self._columns
+        self._kernels.call(regressor, *work, motion, *buffers)
         return self._columns[self._order] if ordered else self._columns
 
     def placed(self, numbers: FloatArray) -> FloatArray:
@@ -230,19 +221,9 @@ class RigidParameters:
     def momentum(self, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return M qd and its rate without motors, C' qd - g - losses, (2, joints)."""
         self._angle[:], self._rate[:] = angle, rate
-        self._kernels.call(
-            momentum,
-            self._kernels.loads,
-            self._kernels.work,
-            self._split,
-            self._bodies,
-            self._angle,
-            self._rate,
-            self._unit,
-            self._state,
-            self._acceleration,
-            self._found,
-        )
+        work = self._kernels.loads, self._kernels.work, self._split, self._bodies
+        buffers = self._angle, self._rate, self._unit, self._state, self._acceleration
+        self._kernels.call(momentum, *work, *buffers, self._found)
         return self._found
 
 
@@ -343,20 +324,11 @@ class TaskSpace:
             np.zeros((3, 2)), np.zeros((2, count)), np.zeros((count, count)), np.zeros(count)
         )
         self._angle, self._rate = np.zeros(arm.joints), np.zeros(arm.joints)
-        self._arguments = (
-            assembly.joint_body,
-            self._angle,
-            self._rate,
-            kernels.loads,
-            kernels.zeros(2),
-            kernels.zeros(),
-            kernels.work,
-            moved.zeros(2),
-            *moved.pose_arrays(),
-            np.zeros((2, assembly.bodies)),
-            np.zeros(kernels.shape * 2),
-            *self._state,
-        )
+        motion = assembly.joint_body, self._angle, self._rate
+        work = kernels.loads, kernels.zeros(2), kernels.zeros(), kernels.work
+        buffers = moved.zeros(2), *moved.pose_arrays(), np.zeros((2, assembly.bodies))
+        matrix = np.zeros(kernels.shape * 2)
+        self._arguments = *motion, *work, *buffers, matrix, *self._state
 
     def at(self, angle: FloatArray, rate: FloatArray) -> TaskState:
         """Return the state at joint angles (rad) and rates (rad/s), (joints,) each."""

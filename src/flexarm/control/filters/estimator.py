@@ -480,18 +480,14 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         x, covariance = (np.array([one[part] for one in kept]) for part in (0, 1))
         samples = [sample for _, _, sample in kept]
         layout = self._layout
-        return Estimates(
-            x[:, : layout.dof],
-            x[:, layout.dof : 2 * layout.dof],
-            x[:, -1],
-            covariance,
-            np.array([sample.innovation for sample in samples]),
-            self.consistent,
-            np.array([sample.size for sample in samples]),
-            dict(zip(layout.paths, x[:, layout.parameters].T, strict=True)),
-            np.array([self._disturbance(row) for row in x]),
-            {name: x[:, places] for name, places in layout.by_instrument.items()},
-        )
+        states = x[:, : layout.dof], x[:, layout.dof : 2 * layout.dof], x[:, -1], covariance
+        innovations = np.array([sample.innovation for sample in samples])
+        sizes = np.array([sample.size for sample in samples])
+        parameters = dict(zip(layout.paths, x[:, layout.parameters].T, strict=True))
+        disturbance = np.array([self._disturbance(row) for row in x])
+        biases = {name: x[:, places] for name, places in layout.by_instrument.items()}
+        test = innovations, self.consistent, sizes
+        return Estimates(*states, *test, parameters, disturbance, biases)
 
     @abstractmethod
     def _start(self, x: FloatArray, covariance: FloatArray) -> None:

@@ -107,19 +107,13 @@ class HorizonProblem:
         self._slope[rest, : active.size] = gain * scale
         self._slope[rest, active.size : first] = self._root
         self._rest = rest
-        self.lower, self.upper = (
-            np.concatenate(
-                [
-                    bound[active] / scale,
-                    np.full(rest.size, infinite),
-                    np.tile(
-                        np.append(np.full(joints, infinite), bound[self._walking] / self._step),
-                        len(nodes) - 1,
-                    ),
-                ]
-            )
-            for bound, infinite in ((lower, -np.inf), (upper, np.inf))
-        )
+
+        def bounds(bound: FloatArray, infinite: float) -> FloatArray:
+            later = np.append(np.full(joints, infinite), bound[self._walking] / self._step)
+            first = bound[active] / scale, np.full(rest.size, infinite)
+            return np.concatenate([*first, np.tile(later, len(nodes) - 1)])
+
+        self.lower, self.upper = bounds(lower, -np.inf), bounds(upper, np.inf)
 
     def start(self) -> FloatArray:
         """Return the variables (v,) of the estimates of the nodes, within their bounds."""

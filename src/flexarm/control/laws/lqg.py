@@ -159,12 +159,9 @@ class LQG(LQGParameters, OfArm, Controller):
         """Return the arrays that are interpolated over posture; (C.22) to (C.27)."""
         kept = np.eye(len(item.A)) - item.estimator @ item.C
         ahead = self._known_force_gain(item)
-        return [
-            np.hstack([kept, item.estimator]),
-            item.gain,
-            np.hstack([item.A, item.B, item.B_elastic]),
-            ahead.reshape(len(ahead), -1),
-        ]
+        corrected, predicted = [kept, item.estimator], [item.A, item.B, item.B_elastic]
+        ahead = ahead.reshape(len(ahead), -1)
+        return [np.hstack(corrected), item.gain, np.hstack(predicted), ahead]
 
     @property
     def _steps(self) -> int:
@@ -184,11 +181,8 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         first = () if self.nominal is not None else ("joint_angle",)
-        read = tuple(
-            dict.fromkeys(
-                [*first, *self.design_requirements.measured, *self.design_requirements.integrated]
-            )
-        )
+        own = self.design_requirements
+        read = tuple(dict.fromkeys([*first, *own.measured, *own.integrated]))
         return ControllerRequirements(
             self.arm.joints, read, len(self.arm.gauges) if "strain" in read else None
         )
@@ -251,9 +245,6 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def _show(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
         """Return the measurement (T, p) at T instants of the nominal motion."""
-        return np.concatenate(self._shown_parts(angle, q, qd), axis=1)
-
-    def _shown_parts(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> list[FloatArray]:
         parts = []
         for name in self.design_requirements.measured:
             if name == "joint_angle":
@@ -266,7 +257,7 @@ class LQG(LQGParameters, OfArm, Controller):
                 bent = q[:, self._model.elastic]
                 tips = [self._model.tip(a, b) for a, b in zip(angle, bent, strict=True)]
                 parts.append(np.array(tips))
-        return parts
+        return np.concatenate(parts, axis=1)
 
     def _feedback(
         self, memory: Arrays, state: FloatArray, arrays: Sequence[FloatArray], inputs: Arrays
@@ -422,13 +413,8 @@ def _least(
 #: `typical_rate`.
 _BANDWIDTH, _SPEED = 0.64, 1.6
 #: Outputs that the fast part may weight: those that depend on the bending of the links only.
-BENDING = (
-    "strain",
-    "link_tip_deflection",
-    "link_tip_slope",
-    "link_tip_deflection_rate",
-    "link_tip_slope_rate",
-)
+_TIPS = "link_tip_deflection", "link_tip_slope"
+BENDING = ("strain", *_TIPS, *(f"{name}_rate" for name in _TIPS))
 
 
 @dataclass(frozen=True, eq=False)

@@ -247,10 +247,10 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
                     warn_caller(text, FlexarmWarning)
         self._sample_time = sample_time
         with one_warning() as bent:
+            numbers = np.asarray(self.posture), np.asarray(self.bandwidth)
             plant = uncertain_plant(
                 self.arm,
-                np.asarray(self.posture),
-                np.asarray(self.bandwidth),
+                *numbers,
                 rigidity=self.rigidity_uncertainty,
                 payload=self.payload_uncertainty,
                 sensitivity=self.sensitivity,
@@ -425,28 +425,15 @@ def _with_performance(plant: Matrices, first: int, corner: float, sensitivity: f
     one, none = np.eye(m), np.zeros
     slow, through = corner * _SLOW, 1.0 / sensitivity
     B_d, B_u, C_d, C_y = B[:, :first], B[:, first:], C[:first], C[first:]
-    D_dd, D_du, D_yd, D_yu = (
-        D[:first, :first],
-        D[:first, first:],
-        D[first:, :first],
-        D[first:, first:],
-    )
+    D_dd, D_du = D[:first, :first], D[:first, first:]
+    D_yd, D_yu = D[first:, :first], D[first:, first:]
     states = block_diag(A, -slow * one)
     inputs = np.block([[B_d, B_u, none((n, m)), B_u], [none((m, first)), one, none((m, m)), one]])
-    outputs = np.block(
-        [
-            [C_d, none((first, m))],
-            [none((m, n)), (corner - slow * through) * one],
-            [_OUTPUT * C_y, none((m, m))],
-            [C_y, none((m, m))],
-        ]
-    )
-    direct = np.block(
-        [
-            [D_dd, D_du, none((first, m)), D_du],
-            [none((m, first)), through * one, none((m, m)), through * one],
-            [_OUTPUT * D_yd, _OUTPUT * D_yu, none((m, m)), _OUTPUT * D_yu],
-            [D_yd, D_yu, _NOISE * one, D_yu],
-        ]
-    )
+    slowed = [none((m, n)), (corner - slow * through) * one]
+    zero = none((m, m))
+    outputs = np.block([[C_d, none((first, m))], slowed, [_OUTPUT * C_y, zero], [C_y, zero]])
+    uncertain = [D_dd, D_du, none((first, m)), D_du]
+    slowed = [none((m, first)), through * one, zero, through * one]
+    seen = [_OUTPUT * D_yd, _OUTPUT * D_yu, zero, _OUTPUT * D_yu]
+    direct = np.block([uncertain, slowed, seen, [D_yd, D_yu, _NOISE * one, D_yu]])
     return states, inputs, outputs, direct

@@ -307,15 +307,10 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
         after, now = self._sliding.at(memory, readings, inputs)
         weights, torque = memory["weights"].copy(), np.zeros_like(now.s)
         first, second = self._pairs
-        signals = np.concatenate(
-            [
-                np.ones(1),
-                now.reference_acceleration,
-                now.reference_rate,
-                np.tanh(now.reference_rate / (_SIGN * self.bandwidth)),
-                now.rate[first] * now.reference_rate[second],
-            ]
-        )
+        signs = np.tanh(now.reference_rate / (_SIGN * self.bandwidth))
+        requested = now.reference_acceleration, now.reference_rate, signs
+        products = now.rate[first] * now.reference_rate[second]
+        signals = np.concatenate([np.ones(1), *requested, products])
         gains = self.damping, self.adaptation, self.leakage, self.e_modification, self.sample_time
         centres, sharpness = self._centres, self._sharpness
         self._law(now.angle, signals, now.s, centres, sharpness, *gains, weights, torque)

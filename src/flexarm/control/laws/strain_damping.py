@@ -200,12 +200,8 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
             strain = nominal.shown + applied(self._bend, nominal.missing)
         else:
             strain = self._along(t)
-        return {
-            **super().planned(t, reference),
-            "nominal_strain": strain,
-            "outer_angle": nominal.angle,
-            "outer_rate": nominal.qd[self.arm.joint_index],
-        }
+        outer = {"outer_angle": nominal.angle, "outer_rate": nominal.qd[self.arm.joint_index]}
+        return {**super().planned(t, reference), "nominal_strain": strain, **outer}
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         return {"state": np.zeros(len(self._A)), **super().initial_memory(readings, inputs)}
@@ -214,11 +210,8 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         state, strain = memory["state"], readings.strain - inputs["nominal_strain"]
         motion = applied(self._C, state) + applied(self._D, strain)
         m = self.arm.joints
-        shifted = {
-            **inputs,
-            "reference_angle": inputs["outer_angle"] + motion[:m],
-            "reference_rate": inputs["outer_rate"] + motion[m:],
-        }
+        shifted = {**inputs, "reference_angle": inputs["outer_angle"] + motion[:m]}
+        shifted["reference_rate"] = inputs["outer_rate"] + motion[m:]
         inside, torque = self._inner_step(memory, readings, shifted)
         return {"state": applied(self._A, state) + applied(self._B, strain), **inside}, torque
 
@@ -274,13 +267,9 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
             push @ law.A @ law.A,
         )
         none = np.zeros((n, n))
-        loop = np.block(
-            [
-                [none, np.eye(n), np.zeros((n, len(law.A)))],
-                [np.linalg.solve(model.mass[own], np.hstack(forces))],
-                [signal, np.zeros((len(law.A), n)), law.A],
-            ]
-        )
+        rates = [none, np.eye(n), np.zeros((n, len(law.A)))]
+        accelerations = [np.linalg.solve(model.mass[own], np.hstack(forces))]
+        loop = np.block([rates, accelerations, [signal, np.zeros((len(law.A), n)), law.A]])
         poles = np.linalg.eigvals(check_result(loop, law.A))
         limit = _NEAR * 2.0 * np.pi * highest
         # Integrals of the law have poles at zero.
@@ -348,12 +337,8 @@ class PositivePositionFeedback(PositivePositionFeedbackParameters, StrainDamping
         one, zero = np.eye(count), np.zeros((count, count))
         ratio = 2.0 * self.damping_ratio
         stiffness, damping = np.diag(omega**2), np.diag(2.0 * ratio * omega)
-        return ModalLaw(
-            np.block([[zero, one], [-stiffness, -damping]]),
-            np.vstack([zero, stiffness]),
-            -(ratio**2) * np.eye(2 * count),
-            np.zeros((2 * count, count)),
-        )
+        A, B = np.block([[zero, one], [-stiffness, -damping]]), np.vstack([zero, stiffness])
+        return ModalLaw(A, B, -(ratio**2) * np.eye(2 * count), np.zeros((2 * count, count)))
 
 
 class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):

@@ -264,12 +264,8 @@ class Impedance(ImpedanceParameters, TaskController):
         memory, request = now.memory, now.request
         nx, ny = request.normal_x, request.normal_y
         (x, y), (x_rate, y_rate), _ = now.state.motion.tolist()
-        x, y, x_rate, y_rate = (
-            request.x - x,
-            request.y - y,
-            request.x_rate - x_rate,
-            request.y_rate - y_rate,
-        )
+        x, y = request.x - x, request.y - y
+        x_rate, y_rate = request.x_rate - x_rate, request.y_rate - y_rate
         # Apply the tangential gains in all directions, and add the difference along the normal.
         k, d = self.tangent_stiffness, self.tangent_damping
         across = (self.normal_stiffness - k) * (nx * x + ny * y)
@@ -418,13 +414,9 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         """See ``Controller.initial_memory``; ``unfelt`` is the time since a force was felt, s."""
-        return {
-            **super().initial_memory(readings, inputs),
-            "estimate": np.zeros(self._terms),
-            "friction": inputs["reference_friction"],
-            "friction_rate": 0.0,
-            "unfelt": self._released,
-        }
+        friction = {"friction": inputs["reference_friction"], "friction_rate": 0.0}
+        own = {"estimate": np.zeros(self._terms), **friction, "unfelt": self._released}
+        return {**super().initial_memory(readings, inputs), **own}
 
     def _request(self, memory: Arrays, inputs: Arrays) -> TaskReference:
         """Return the request for the estimated friction, between those of both references."""

@@ -286,21 +286,8 @@ class _Perturbed:
             # Exact to the rounding of each entry; the products above, to that of the largest.
             small = tangent(arm, point.q, point.qd, qdd[0].real, point.environment)
             damping, stiffness = small.damping, small.stiffness
-        return LinearModel(
-            A=A,
-            B=B,
-            C=slopes[:, :size],
-            D=slopes[:, size:],
-            states=tuple(names),
-            inputs=tuple(item.name for item in self.inputs),
-            outputs=tuple(outputs),
-            units=units_of,
-            mass=mass,
-            damping=damping,
-            stiffness=stiffness,
-            q=point.q,
-            qd=point.qd,
-            torque=point.torque,
-            drift=np.concatenate([point.qd[chosen], qdd[0, chosen].real]),
-            output=seen[0].real,
-        )
+        matrices = A, B, slopes[:, :size], slopes[:, size:]
+        signals = tuple(names), tuple(item.name for item in self.inputs), tuple(outputs), units_of
+        drift = np.concatenate([point.qd[chosen], qdd[0, chosen].real])
+        operating = point.q, point.qd, point.torque, drift, seen[0].real
+        return LinearModel(*matrices, *signals, mass, damping, stiffness, *operating)

@@ -127,13 +127,9 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
 
 def find_outputs(arm: Arm, requested: Sequence[OutputName], contacts: int = 0) -> list[Output]:
     """Return the outputs for names and sensors, with the contacts at the operating point."""
-    counted = {
-        "joint": [str(n) for n in arm.joint_numbers],
-        "link": [str(n) for n in range(1, arm.links + 1)],
-        "gauge": [str(n) for n in range(1, len(arm.gauges) + 1)],
-        "axis": list(_AXES),
-        "contact": [str(n) for n in range(1, contacts + 1)],
-    }
+    counts = {"link": arm.links, "gauge": len(arm.gauges), "contact": contacts}
+    counted = {by: [str(n) for n in range(1, count + 1)] for by, count in counts.items()}
+    counted |= {"joint": [str(n) for n in arm.joint_numbers], "axis": list(_AXES)}
     found = []
     for item in _listed(requested):
         if isinstance(item, Sensor):

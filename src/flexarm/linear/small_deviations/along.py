@@ -199,16 +199,11 @@ class Separation:
             "qdd": (whole, ref.qdd),
             "rigid_torque": (("time", "joint"), ref.torque, {"units": "N m"}),
         }
-        coordinates: dict[str, Any] = {
-            "time": ("time", ref.time, {"units": "s"}),
-            "state": states,
-            "state_too": states,
-            "input": tau if self.joints == "free" else [],
-            "coordinate": q,
-            "coordinate_too": q,
-            "axis": ["x", "y"],
-            "joint": self.arm.joint_numbers,
-        }
+        coordinates: dict[str, Any] = {"time": ("time", ref.time, {"units": "s"})}
+        coordinates |= dict.fromkeys(("state", "state_too"), states)
+        coordinates |= {"input": tau if self.joints == "free" else []}
+        coordinates |= dict.fromkeys(("coordinate", "coordinate_too"), q)
+        coordinates |= {"axis": ["x", "y"], "joint": self.arm.joint_numbers}
         return xr.Dataset(variables, coords=coordinates, attrs={"joints": self.joints})
 
     @public_call
@@ -288,13 +283,8 @@ def _sample(
     missing = -along.force
     missing[:, arm.joint_index] = 0.0
     by = along.force_by[:, kept][..., kept]
-    deviation = Deviation(
-        M=by[:, :, 2],
-        D=by[:, :, 1],
-        K=by[:, :, 0],
-        r=missing[:, kept],
-        tip=along.tip_by[:, :2, 0][..., kept],
-    )
+    M, D, K = (by[:, :, level] for level in (2, 1, 0))
+    deviation = Deviation(M, D, K, missing[:, kept], along.tip_by[:, :2, 0][..., kept])
     return Reference(times, q, qd, qdd, torque), deviation
 
 

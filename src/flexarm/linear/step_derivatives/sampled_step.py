@@ -115,13 +115,9 @@ def step_jacobian(
         moved = ArmConstants(*(c + 1j * STEP * d for c, d in zip(exact, by, strict=True)))
         named[parameter] = step_of(x, tau, moved).imag / STEP
     after = step_of(x, tau, exact).real
-    return StepJacobian(
-        after[: arm.dof],
-        after[arm.dof :],
-        np.stack(columns, axis=1),
-        np.stack(inputs, axis=1) if inputs else np.zeros((x.size, 0)),
-        named,
-    )
+    by_torque = np.stack(inputs, axis=1) if inputs else np.zeros((x.size, 0))
+    by_state = np.stack(columns, axis=1)
+    return StepJacobian(after[: arm.dof], after[arm.dof :], by_state, by_torque, named)
 
 
 def _unit(place: int, size: int) -> FloatArray:

@@ -176,13 +176,8 @@ def _follow(
 
 
 def _row(found: Modes, chosen: NDArray[np.intp], alike: FloatArray) -> tuple[Any, ...]:
-    return (
-        found.frequency_hz[chosen],
-        found.damping_ratio[chosen],
-        found.eigenvalues[chosen],
-        found.complex_shapes[chosen],
-        alike,
-    )
+    columns = found.frequency_hz, found.damping_ratio, found.eigenvalues, found.complex_shapes
+    return *(column[chosen] for column in columns), alike
 
 
 class _Lines:

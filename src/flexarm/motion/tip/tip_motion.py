@@ -273,17 +273,9 @@ def least_norm_path(chain: RigidChain, path: TipPath, first: Floats) -> Posture:
         raise SingularPathError(0.0, first)
     times, steps, angles = [0.0], [], first
     for piece in pairwise((0.0, *path.breaks, 1.0)):
-        solution = solve_ivp(
-            slope,
-            piece,
-            angles,
-            method="DOP853",
-            rtol=_ODE_TOLERANCE,
-            atol=_ODE_TOLERANCE,
-            max_step=_LONGEST_STEP,
-            dense_output=True,
-            events=clearance,
-        )
+        tolerances = {"rtol": _ODE_TOLERANCE, "atol": _ODE_TOLERANCE, "max_step": _LONGEST_STEP}
+        method = {"method": "DOP853", "dense_output": True, "events": clearance}
+        solution = solve_ivp(slope, piece, angles, **method, **tolerances)
         angles = solution.y[:, -1]
         if solution.status != 0:
             raise SingularPathError(float(solution.t[-1]), angles)

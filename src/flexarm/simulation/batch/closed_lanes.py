@@ -421,12 +421,9 @@ class LaneLoop(ControlLoop):
             if loop.hardware is not None
         ]
         noises = map(NoiseOfRuns, zip(*spawned, strict=True))
-        return Sensing(
-            [
-                (Readings(item, self.sample_time, noise), self._reader(str(item.output)))
-                for item, noise in zip(hardware.instruments, noises, strict=True)
-            ]
-        )
+        pairs = zip(hardware.instruments, noises, strict=True)
+        readings = [(Readings(item, self.sample_time, noise), item.output) for item, noise in pairs]
+        return Sensing([(item, self._reader(str(output))) for item, output in readings])
 
     def _reader(self, name: str) -> _Reader:
         if name in ("joint_angle", "joint_rate"):

@@ -446,17 +446,11 @@ def lane_runs(
 ) -> LaneRuns:
     """Return runs at their start; the arguments are fields of ``LaneRuns``."""
     count = len(states)
-    return LaneRuns(
-        *constants,
-        state=states,
-        fastest=fastest,
-        clock=np.zeros((count, CLOCK_PLACES)),
-        counts=np.zeros((count, COUNT_PLACES), dtype=np.int64),
-        status=np.full(count, Status.PAUSED.value),
-        sample_times=times,
-        samples=np.empty((count, times.size, *states.shape[1:])),
-        until=until,
-    )
+    clock, status = np.zeros((count, CLOCK_PLACES)), np.full(count, Status.PAUSED.value)
+    counts = np.zeros((count, COUNT_PLACES), dtype=np.int64)
+    samples = np.empty((count, times.size, *states.shape[1:]))
+    progress = states, fastest, clock, counts, status
+    return LaneRuns(*constants, *progress, times, samples, until)
 
 
 def arms_of_runs(
@@ -489,15 +483,10 @@ def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHist
         ends = starts + sizes
         places[id(history)] = np.stack([starts, ends], axis=1).ravel()
         starts = ends
-    return LaneDrive(
-        breaks=np.concatenate([history.breaks for history in different]),
-        coefficients=np.concatenate(
-            [arm.padded_torque(history.coefficients) for history in different]
-        ),
-        stops=np.concatenate(stops),
-        places=np.array([places[id(history)] for history in histories]),
-        **_factors_of(loads),
-    )
+    breaks = np.concatenate([history.breaks for history in different])
+    cubics = np.concatenate([arm.padded_torque(history.coefficients) for history in different])
+    of_runs = np.array([places[id(history)] for history in histories])
+    return LaneDrive(breaks, cubics, np.concatenate(stops), of_runs, **_factors_of(loads))
 
 
 def held_drive(count: int, pieces: int, bodies: int, loads: LoadHistory) -> LaneDrive:

@@ -79,18 +79,8 @@ COUNTS = {"steps": "accepted steps", "evaluations": "evaluations of the dynamics
 _END_TIME = {"units": "s", "long_name": "time reached by the run"}
 _RUN = {"long_name": "run, counted from 0"}
 #: Names that reductions cannot have.
-TAKEN = (
-    *CHANNELS,
-    *LIMITS,
-    *TEXTS,
-    *COUNTS,
-    "end_time",
-    "run",
-    "time",
-    "seed",
-    "position",
-    "station",
-)
+_COORDINATES = "run", "time", "seed", "position", "station"
+TAKEN = (*CHANNELS, *LIMITS, *TEXTS, *COUNTS, "end_time", *_COORDINATES)
 #: Options of ``simulate`` that are the same for all runs.
 _OWN = {
     *("arm", "duration", "torque", "controller", "reference", "plant", "hardware", "initial"),
@@ -115,16 +105,10 @@ class Recorder:
         self._batch, runs, arm = batch, batch.runs.count, batch.runs.arms[0]
         self._times, self._stride = batch.shared.times, stride
         self._reductions = reductions
-        self._sizes = {
-            "joint": arm.joints,
-            "link": arm.links,
-            "axis": 2,
-            "direction": 3 if arm.assembly.base else 0,
-            "coordinate": arm.dof,
-            "gauge": len(arm.gauges),
-            "contact": len(batch.shared.environment.contacts),
-            "station": batch.shared.settings.stations,
-        }
+        self._sizes = {"joint": arm.joints, "link": arm.links, "axis": 2, "coordinate": arm.dof}
+        self._sizes |= {"gauge": len(arm.gauges), "direction": 3 if arm.assembly.base else 0}
+        self._sizes["contact"] = len(batch.shared.environment.contacts)
+        self._sizes["station"] = batch.shared.settings.stations
         needed = {f"reductions[{name!r}]": item.channels for name, item in reductions.items()}
         self._check({"channels": tuple(channels), **needed})
         stored = self._times[::stride].size
@@ -207,14 +191,10 @@ class Recorder:
         """Return the labelled dataset."""
         import xarray as xr
 
-        variables: dict[str, Any] = {
-            name: (
-                ("run", "time", *CHANNELS[name].dims),
-                values,
-                channel_labels(self._batch.runs.arms[0], name),
-            )
-            for name, values in self._channels.items()
-        }
+        variables, arm = dict[str, Any](), self._batch.runs.arms[0]
+        for name, values in self._channels.items():
+            dims = "run", "time", *CHANNELS[name].dims
+            variables[name] = dims, values, channel_labels(arm, name)
         for name, item in self._reductions.items():
             variables[name] = (("run", *item.dims), self._reduced[name], item.labels)
         limits = {name: self._limits[name] for name in LIMITS if name in self._limits}

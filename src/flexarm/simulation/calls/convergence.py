@@ -219,13 +219,9 @@ class _Study:
         self.limited = False  # whether a finer run would have exceeded the limit of the work
         self.failures: list[FlexarmError] = []
         request = _COMPARED * self.accuracy / reach_of(situation.simulated)
-        self._settings = replaced(
-            situation.settings,
-            accuracy=None,
-            rtol=tolerance_of_request(request),
-            specialized=False,
-            progress=False,
-        )
+        plain = {"accuracy": None, "specialized": False, "progress": False}
+        settings = replaced(situation.settings, rtol=tolerance_of_request(request), **plain)
+        self._settings = settings
 
     def uniform(self, step: int) -> Mesh:
         """Return the mesh with the same step of all flexible links."""
@@ -246,11 +242,10 @@ class _Study:
 
     def arm_of(self, mesh: Mesh) -> Arm:
         """Return the arm with a mesh."""
+        each = zip(self.links, self.divisible, self.sizes(mesh), strict=True)
         links = [
             _meshed(link if divisible or not mesh.undamped else link.replace(damping=None), *size)
-            for link, divisible, size in zip(
-                self.links, self.divisible, self.sizes(mesh), strict=True
-            )
+            for link, divisible, size in each
         ]
         return Arm(self.spec.replace(links=links, theory=mesh.theory))
 

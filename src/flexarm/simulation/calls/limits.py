@@ -228,11 +228,8 @@ def limits_of_run(
         numbers |= motor_numbers(since, saturated, run.progress.time)
         times = run.sample_times[: run.progress.sample]
         angle = run.samples[: len(times), 0, run.arm.assembly.joint_body, 0]
-        texts.append(
-            motor_warning(
-                run.arm, loop.controller, loop.reference, times, angle, (since, saturated), numbers
-            )
-        )
+        law, limits = (loop.controller, loop.reference), (since, saturated)
+        texts.append(motor_warning(run.arm, *law, times, angle, limits, numbers))
     return numbers, list(filter(None, texts))
 
 
@@ -272,11 +269,8 @@ def limit_variables(
     numbers: Mapping[str, FloatArray], before: Sequence[str] = ()
 ) -> dict[str, tuple[tuple[str, ...], FloatArray, dict[str, str]]]:
     """Return numbers of ``LIMITS`` as variables of a dataset; ``before``: dimensions in front."""
-    return {
-        name: (
-            (*before, *LIMITS[name].dims),
-            values,
-            {"units": LIMITS[name].unit, "long_name": LIMITS[name].meaning},
-        )
-        for name, values in numbers.items()
-    }
+    variables = {}
+    for name, values in numbers.items():
+        labels = {"units": LIMITS[name].unit, "long_name": LIMITS[name].meaning}
+        variables[name] = (*before, *LIMITS[name].dims), values, labels
+    return variables

@@ -266,12 +266,9 @@ def coordinates_of(
         "joint": ("joint", arm.joint_numbers, {"long_name": "joint, numbered as its link"}),
         "link": ("link", np.arange(1, arm.links + 1), {"long_name": "link, counted from the base"}),
         "axis": ("axis", ["x", "y"], {"long_name": "world axis"}),
-        "coordinate": (
-            "coordinate",
-            list(_coordinate_names(arm)),
-            {"long_name": "generalised coordinate"},
-        ),
     }
+    names = list(_coordinate_names(arm))
+    coordinates["coordinate"] = "coordinate", names, {"long_name": "generalised coordinate"}
     if arm.assembly.base:
         meaning = "coordinate of the base"
         coordinates["direction"] = ("direction", ["x", "y", "angle"], {"long_name": meaning})
@@ -323,11 +320,8 @@ def _stations(arm: Arm, count: int) -> dict[str, Any]:
     fraction = np.linspace(0.0, 1.0, count)
     position = arm.lengths[:, None] * fraction
     meaning = "place on the link, as a fraction of its length"
+    distance = {"units": "m", "long_name": "distance from the root of the link"}
     return {
         "station": ("station", fraction, {"units": "1", "long_name": meaning}),
-        "position": (
-            ("link", "station"),
-            position,
-            {"units": "m", "long_name": "distance from the root of the link"},
-        ),
+        "position": (("link", "station"), position, distance),
     }

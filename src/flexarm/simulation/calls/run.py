@@ -311,6 +311,7 @@ def _result(
     reason = run.choice.reason + (run.default_step.reason() if run.default_step else "")
     law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
     request = run.request
+    features = run.loads.factors.shortest_feature, getattr(drive, "shortest_feature", 0.0)
     attributes: dict[str, Any] = {
         **({} if request is None else {"accuracy": request * reach_of(run.first_arm)}),
         "integrator": integrator.name,
@@ -322,9 +323,7 @@ def _result(
         "impact_steps": progress.impacts,
         "torque_interpolation": interpolation,
         "evaluations": progress.evaluations + run.discarded,
-        "shortest_feature": max(
-            run.loads.factors.shortest_feature, getattr(drive, "shortest_feature", 0.0)
-        ),
+        "shortest_feature": max(features),
         "wall_seconds": time.perf_counter() - started,
         "references": " ".join([*integrator.reference, *law]),
         "failure": failure,
@@ -369,11 +368,8 @@ def with_error(
     if error == 0.0:  # the steps are those of the samples of a loop, or of the largest tolerance
         finer = executed(accuracy / _FINER)
         if finer is not None:
-            runs, used, error = (
-                [*runs, finer],
-                accuracy / _FINER,
-                _error_between(finer, result, _FINER),
-            )
+            runs, used = [*runs, finer], accuracy / _FINER
+            error = _error_between(finer, result, _FINER)
     for _ in range(_MOST_RUNS - 2):
         if not error > accuracy:
             break

@@ -24,6 +24,8 @@ from flexarm.simulation.run.stepping import Run
 _STEPS = 4096
 #: Samples whose poses are computed together, which bounds the scratch memory of long runs.
 _CHUNK = 1024
+#: Fields of ``Loads`` that depend on the arm.
+_PLACED = "weight", "lever", "rows", "slopes", "shortening"
 #: Channels that are not linear in the states and the observed quantities.
 _NONLINEAR = {
     *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate")
@@ -73,10 +75,9 @@ def arm_inputs(arm: Arm, environment: Environment) -> ArmInputs:
     """Return the numbers of an arm with loads and contacts."""
     placed = Environment(environment.loads, None, environment.contacts).placed(arm)
     contacts = placed.contacts
-    loads = placed.weight, placed.lever, placed.rows, placed.slopes, placed.shortening
-    points = contacts.rows, contacts.shortening, contacts.law
-    gauges = place_gauges(arm, arm.gauges)[0]
-    return ArmInputs(*arm.assembly.constants, gauges, *loads, *points)
+    numbers: list[Array] = [*arm.assembly.constants, place_gauges(arm, arm.gauges)[0]]
+    numbers += [getattr(placed, name) for name in _PLACED]
+    return ArmInputs(*numbers, contacts.rows, contacts.shortening, contacts.law)
 
 
 def inputs_of_run(run: Run, environment: Environment) -> Inputs:
@@ -207,22 +208,13 @@ def dual_system(system: System, numbers: Inputs) -> System:
         name: Duals.zeros(*array.shape)
         for name, array in new_workspace(system.constants)._asdict().items()
     }
-    contacts: Any = drive.loads.contacts._replace(
-        rows=own.point_rows,
-        shortening=own.point_shortening,
-        law=own.point_law,
-        seen=drive.loads.contacts.seen.copy(),
-    )
-    loads: Any = drive.loads._replace(
-        weight=own.load_weight,
-        lever=own.load_lever,
-        rows=own.load_rows,
-        slopes=own.load_slopes,
-        shortening=own.load_shortening,
-        value=numbers.load_value.copy(),
-        base_acceleration=drive.loads.base_acceleration.copy(),
-        contacts=contacts,
-    )
+    fields: Any = own._asdict()
+    points = {name: fields[f"point_{name}"] for name in ("rows", "shortening", "law")}
+    seen = drive.loads.contacts.seen.copy()
+    contacts = drive.loads.contacts._replace(**points, seen=seen)
+    placed = {name: fields[f"load_{name}"] for name in _PLACED}
+    value, base = numbers.load_value.copy(), drive.loads.base_acceleration.copy()
+    loads = drive.loads._replace(**placed, value=value, base_acceleration=base, contacts=contacts)
     moved: Any = drive._replace(
         breaks=drive.breaks.copy(),  # a closed loop writes them
         coefficients=numbers.torque,

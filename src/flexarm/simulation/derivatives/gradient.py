@@ -127,16 +127,9 @@ def parts_of(known: Parameters, ends: FloatArray, pieces: Sequence[int]) -> list
         own = slice(pieces[edges[k]], pieces[edges[k + 1] - 1] + 1)
         clock = (checkpoints.clocks[k - 1] if k and checkpoints.clocks else first).copy()
         clock[TIME], clock[SOFTENED] = times[k], np.nan
-        found.append(
-            Part(
-                slice(edges[k], edges[k + 1]),
-                ends[edges[k] : edges[k + 1]],
-                run.history.breaks[own],
-                known.inputs.torque[own],
-                run.samples[place],
-                clock,
-            )
-        )
+        intervals = slice(edges[k], edges[k + 1])
+        torque = run.history.breaks[own], known.inputs.torque[own]
+        found.append(Part(intervals, ends[intervals], *torque, run.samples[place], clock))
     return found
 
 
@@ -255,10 +248,11 @@ def _of_block(
     duals = Duals.of(states)
     duals.array[..., 1:] = block.state.array[..., 1:]
     run = DualRun(duals, repetition.system.constants, repetition.gauges, 0)
+    slopes = channel_derivatives(known.run.arm, run, count, list(weights))
     return np.array(
         [
             sum((w * one[name]).reshape(len(w), -1).sum(axis=1) for name, w in weights.items())
-            for one in channel_derivatives(known.run.arm, run, count, list(weights))
+            for one in slopes
         ]
     )
 
@@ -371,12 +365,8 @@ def goal_gradient(
     import xarray as xr
 
     own = coordinates_of(arm, run.sample_times)
-    return xr.Dataset(
-        {
-            "torque": (("sample", "joint"), found.torque),
-            "initial": ("coordinate", found.state[0]),
-            "initial_rate": ("coordinate", found.state[1]),
-        },
-        coords={name: own[name] for name in ("joint", "coordinate")},
-        attrs={"integrator": run.integrator.name, "steps": run.progress.steps, **attributes},
-    )
+    q, qd = (("coordinate", row) for row in found.state)
+    variables = {"torque": (("sample", "joint"), found.torque), "initial": q, "initial_rate": qd}
+    coordinates = {name: own[name] for name in ("joint", "coordinate")}
+    method = {"integrator": run.integrator.name, "steps": run.progress.steps}
+    return xr.Dataset(variables, coordinates, {**method, **attributes})

@@ -261,15 +261,11 @@ class _LoopInDuals(ControlLoop):
         self._bodies = run.arm.assembly.joint_body
         acting = Acting(loop.hardware, run.arm, keep=False, runs=self._directions)
         super().__init__(acting, loop.sample_time)
-        self._sensing = Sensing(
-            [
-                (
-                    Readings(_linear(item), self.sample_time, np.random.default_rng()),
-                    partial(self._slopes, str(item.output)),
-                )
-                for item in loop.needed
-            ]
-        )
+        sensors = []
+        for item in loop.needed:
+            readings = Readings(_linear(item), self.sample_time, np.random.default_rng())
+            sensors.append((readings, partial(self._slopes, str(item.output))))
+        self._sensing = Sensing(sensors)
         self._memory: FloatArray = np.zeros((self._directions, 0))
 
     @property

@@ -177,12 +177,9 @@ def _of_joint(motion: PrescribedAngle | Motion, index: int, name: str) -> Prescr
     def part(of: Callable[[float], ArrayLike]) -> Callable[[float], float]:
         return lambda t: float(np.asarray(of(t))[index])
 
-    return PrescribedAngle(
-        part(motion.joint_angle),
-        part(motion.joint_rate),
-        part(motion.joint_acceleration),
-        tuple(motion.breaks),
-    )
+    motions = motion.joint_angle, motion.joint_rate, motion.joint_acceleration
+    angle, rate, acceleration = map(part, motions)
+    return PrescribedAngle(angle, rate, acceleration, tuple(motion.breaks))
 
 
 def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None:

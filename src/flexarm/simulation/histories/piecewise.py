@@ -507,12 +507,9 @@ class PiecewiseCubic:
         held = np.zeros((1, *self.coefficients.shape[1:]))
         powers = (end - self.breaks[-2]) ** np.arange(4.0)
         held[0, 0] = powers @ self.coefficients[-1]
-        return replace(
-            self,
-            breaks=np.append(self.breaks, time),
-            coefficients=np.concatenate([self.coefficients, held]),
-            stops=np.append(self.stops, end),
-        )
+        breaks, stops = np.append(self.breaks, time), np.append(self.stops, end)
+        coefficients = np.concatenate([self.coefficients, held])
+        return replace(self, breaks=breaks, coefficients=coefficients, stops=stops)
 
     def _pieces_at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the coefficients (T, 4, columns) at times (T,), and the times (T, 1) in them."""

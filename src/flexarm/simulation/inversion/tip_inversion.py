@@ -455,13 +455,9 @@ class _Search:
         with warnings.catch_warnings():
             # The caller warns of the last run; the trial runs need no warning.
             warnings.simplefilter("ignore", LargeDeflectionWarning)
-            return simulate(
-                arm,
-                self.duration,
-                torque=torque,
-                initial=self.first.q,
-                settings=replaced(self.settings, rate=rate, rtol=rtol, progress=False),
-            )
+            settings = replaced(self.settings, rate=rate, rtol=rtol, progress=False)
+            start = self.first.q
+            return simulate(arm, self.duration, torque=torque, initial=start, settings=settings)
 
     def _linear(self, run: _Judged) -> tuple[FloatArray, FloatArray]:
         """Return the Gram matrix (p, p) of responses to free coefficients, and the gradient."""

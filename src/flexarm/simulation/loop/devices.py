@@ -172,12 +172,8 @@ class Acting:
 #: Function of the state (2, n, 1 + m), the system and the time that returns a signal's value.
 Reader = Callable[[FloatArray, System, float], FloatArray]
 #: Columns of the tip in the results of ``poses``.
-_TIP = {
-    "tip": slice(0, 2),
-    "tip_angle": slice(2, 3),
-    "tip_velocity": slice(3, 5),
-    "tip_angle_rate": slice(5, 6),
-}
+_TIP = {"tip": slice(0, 2), "tip_angle": slice(2, 3)}
+_TIP |= {"tip_velocity": slice(3, 5), "tip_angle_rate": slice(5, 6)}
 
 
 class TipMotion:

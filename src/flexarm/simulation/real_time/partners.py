@@ -44,11 +44,7 @@ if TYPE_CHECKING:
 #: Sequence numbers of the packets that end a run, and that request and grant one.
 END, START = -1, -2
 #: Values of a reference in a packet: names, and the methods of `Reference`.
-REFERENCE = {
-    "reference_angle": "joint_angle",
-    "reference_rate": "joint_rate",
-    "reference_acceleration": "joint_acceleration",
-}
+REFERENCE = {f"reference_{name}": f"joint_{name}" for name in ("angle", "rate", "acceleration")}
 #: Difference between the time of a packet and that of its sample, relative to the sample time,
 #: from which the sample times of both sides differ.
 OTHER_TIME = 0.01
@@ -301,12 +297,8 @@ class SampleTimes:
         """Return means, percentiles and largest values in microseconds, as lines of text."""
         heads = ["mean", *(f"{p:g} %" for p in _PERCENTILES), "largest"]
         lines = [f"{'µs':<10}" + "".join(f"{head:>11}" for head in heads)]
-        rows: dict[str, Sequence[float] | FloatArray] = {
-            "period": np.diff(self.started),
-            "late": self.late,
-            "answer": self.answered,
-            "busy": self.busy,
-        }
+        rows: dict[str, Sequence[float] | FloatArray] = {"period": np.diff(self.started)}
+        rows |= {"late": self.late, "answer": self.answered, "busy": self.busy}
         for name, values in rows.items():
             x = 1e6 * np.asarray(values)
             x = x[np.isfinite(x)]

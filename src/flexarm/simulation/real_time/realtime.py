@@ -191,12 +191,8 @@ class PlantLoop:
             "failure": failure,
             "warning": plant.warning,
         }
-        run = make_result(
-            arm,
-            at,
-            {name: channels[name] for name in _CHANNELS if name in channels} | {"torque": applied},
-            attributes,
-        )
+        shown = {name: channels[name] for name in _CHANNELS if name in channels}
+        run = make_result(arm, at, shown | {"torque": applied}, attributes)
         return add_samples(run, at[:-1], self._readings[:steps], times)
 
 

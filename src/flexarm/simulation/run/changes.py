@@ -417,13 +417,9 @@ def change_variables(changes: ArmChanges) -> dict[str, Any]:
     def numbers(name: str) -> FloatArray:
         return np.array([getattr(one, name) for one in found], dtype=np.float64)
 
-    energy = "change of the arm's mechanical energy at the change"
+    time, energy = "time of the change", "change of the arm's mechanical energy at the change"
     return {
-        "change_time": (
-            "change",
-            numbers("time"),
-            {"units": "s", "long_name": "time of the change"},
-        ),
+        "change_time": ("change", numbers("time"), {"units": "s", "long_name": time}),
         "change_path": ("change", paths, {"long_name": "path of the number that changes"}),
         "change_from": ("change", numbers("start"), {**unit, "long_name": "number before"}),
         "change_to": ("change", numbers("end"), {**unit, "long_name": "last number"}),

@@ -300,21 +300,15 @@ def event_variables(arm: Arm, log: EventLog) -> dict[str, Any]:
     times = np.array([one.time for one in found])
     directions = np.array([one.direction for one in found], dtype=np.int64)
     axes = ("event", "coordinate")
-    modal = "rad or m kg^0.5"
+    modal, modal_rates = "rad or m kg^0.5", "rad/s or m kg^0.5/s"
+    rising = "1 where the function rises through zero, -1 falls"
+    coordinates, rates = "coordinates at the event", "rates of the coordinates at the event"
     return {
         "event_time": ("event", times, {"units": "s", "long_name": "time of the event"}),
         "event_name": ("event", names, {"long_name": "name of the event"}),
-        "event_direction": (
-            "event",
-            directions,
-            {"units": "1", "long_name": "1 where the function rises through zero, -1 falls"},
-        ),
-        "event_q": (axes, states[:, 0], {"units": modal, "long_name": "coordinates at the event"}),
-        "event_qd": (
-            axes,
-            states[:, 1],
-            {"units": "rad/s or m kg^0.5/s", "long_name": "rates of the coordinates at the event"},
-        ),
+        "event_direction": ("event", directions, {"units": "1", "long_name": rising}),
+        "event_q": (axes, states[:, 0], {"units": modal, "long_name": coordinates}),
+        "event_qd": (axes, states[:, 1], {"units": modal_rates, "long_name": rates}),
     }
 
 

@@ -107,9 +107,7 @@ def choose_integrator(
         duration: s; infinite if it is not known.
     """
     check_integrator(requested, step, touch > 0.0)
-    _refuse_with_bristles(requested, step, arm)
-    _refuse_with_sticking(requested, arm)
-    _refuse_with_closures(requested, arm)
+    _refuse_unfollowed(requested, step, arm)
     choice = _choose(requested, step, arm, tolerance, touch, prescribed, duration)
     choice = choice._replace(integrator=settling(choice.integrator, arm, tolerance, prescribed))
     # Strong damping limits an explicit step in the same way as a vibration.
@@ -155,11 +153,9 @@ def _choose(
         if step is not None:
             return Choice(RungeKutta4(step=step), "fixed step requested", by_drive=touch == 0.0)
         if arm.assembly.has_bristles:
+            reason = "order 5 with friction implicit: bristles of a sliding joint follow its rate "
             return Choice(
-                KennedyCarpenter5(),
-                "order 5 with friction implicit: bristles of a sliding joint follow its rate too "
-                "fast for an explicit method",
-                open=True,
+                KennedyCarpenter5(), f"{reason}too fast for an explicit method", open=True
             )
         steep = _is_steep(arm, tolerance, touch, prescribed, duration)
         choice = _by_stiffness(arm, tolerance, touch, steep)
@@ -169,33 +165,27 @@ def _choose(
     return Choice(method, "named by the user", doubt=doubt)
 
 
-def _refuse_with_bristles(requested: str | Integrator, step: float | None, arm: Arm) -> None:
-    """Raise if friction has bristles and a requested integrator does not support them."""
+def _refuse_unfollowed(requested: str | Integrator, step: float | None, arm: Arm) -> None:
+    """Raise if a requested integrator does not follow bristles, sticking or closures of the arm."""
     kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
-    if kind is None and step is not None:
-        hint = "Bristles of a sliding joint need step control; use rtol and atol."
-        refuse_bristles(arm, "step", hint=hint)
-    if kind is not None and not kind.follows_bristles:
-        names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_bristles]
-        hint = f"Bristles of a sliding joint need step control; use one of {', '.join(names)}."
+    control = "Bristles of a sliding joint need step control; use"
+    if kind is None:
+        if step is not None:
+            refuse_bristles(arm, "step", hint=f"{control} rtol and atol.")
+        return
+
+    def following(what: str) -> str:
+        names = (name for name, one in INTEGRATORS.items() if getattr(one, f"follows_{what}"))
+        return ", ".join(map(repr, names))
+
+    if not kind.follows_bristles:
+        hint = f"{control} one of {following('bristles')}."
         refuse_bristles(arm, "integrator", shown(kind.name), hint)
-
-
-def _refuse_with_sticking(requested: str | Integrator, arm: Arm) -> None:
-    """Raise if friction holds a joint and a requested integrator does not let joints stick."""
-    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
-    if kind is not None and not kind.follows_sticking:
-        names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_sticking]
-        hint = f"Use one of {', '.join(names)}, or friction that creeps: smoothing_rate=0.01."
+    if not kind.follows_sticking:
+        hint = f"Use one of {following('sticking')}, or friction that creeps: smoothing_rate=0.01."
         refuse_sticking(arm, "integrator", shown(kind.name), hint)
-
-
-def _refuse_with_closures(requested: str | Integrator, arm: Arm) -> None:
-    """Raise if a requested integrator does not keep the loops of a mechanism closed."""
-    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
-    if kind is not None and arm.closure_rows and not kind.follows_closures:
-        names = ", ".join(repr(name) for name, kind in INTEGRATORS.items() if kind.follows_closures)
-        rule = f"be one of 'auto', {names} for an arm with closures"
+    if arm.closure_rows and not kind.follows_closures:
+        rule = f"be one of 'auto', {following('closures')} for an arm with closures"
         raise InputError(Problem("integrator", rule, shown(kind.name)))
 
 
@@ -281,11 +271,8 @@ def _by_stiffness(arm: Arm, tolerance: Tolerance, touch: float, steep: bool) -> 
     has no advantage.
     """
     if steep:
-        return Choice(
-            KennedyCarpenter5(),
-            "order 5 with friction implicit: a sticking joint settles too fast for an explicit "
-            "method",
-        )
+        reason = "order 5 with friction implicit: a sticking joint settles too fast for an "
+        return Choice(KennedyCarpenter5(), f"{reason}explicit method")
     c = arm.assembly.constants
     real = c.w2 > 0.0
     if real.any():
@@ -295,22 +282,16 @@ def _by_stiffness(arm: Arm, tolerance: Tolerance, touch: float, steep: bool) -> 
         limit = _STIFF / (_STICKING if arm.assembly.has_sticking else 1.0)
         stiff = ratio > limit * np.sqrt(_AT / tolerance.relative)
         if stiff and touch > tolerance.fastest:
-            return Choice(
-                DormandPrince8(),
-                "order 8 with step control: a touch is faster than any vibration and has to be "
-                "followed",
-            )
+            reason = "order 8 with step control: a touch is faster than any vibration and has to "
+            return Choice(DormandPrince8(), f"{reason}be followed")
         if stiff:
             return Choice(
                 KennedyCarpenter5(),
                 f"order 5 with bending implicit: the fastest vibration ({ratio:.0f} times the "
                 "slowest) need not be followed at the tolerances in use",
             )
-    return Choice(
-        DormandPrince8(),
-        "order 8 with step control: fewest evaluations at the tolerances in use",
-        open=touch <= tolerance.fastest,
-    )
+    reason = "order 8 with step control: fewest evaluations at the tolerances in use"
+    return Choice(DormandPrince8(), reason, open=touch <= tolerance.fastest)
 
 
 def _is_steep(

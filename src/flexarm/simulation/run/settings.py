@@ -212,16 +212,10 @@ def with_keywords(kind: type[MethodSettings], *declared: type[Any]) -> Callable[
         explicit = signature(function)
         own = [p for p in explicit.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
         own_defaults = {} if "accuracy" in kind.__annotations__ else {"rtol": RTOL}
-        own += [
-            Parameter(
-                field.name,
-                Parameter.KEYWORD_ONLY,
-                default=own_defaults.get(field.name, field.default),
-            )
-            for record in (*declared, RunSettings)
-            for field in fields(record)
-            if field.name in kind.__annotations__
-        ]
+        for field in (field for record in (*declared, RunSettings) for field in fields(record)):
+            if field.name in kind.__annotations__:
+                default = own_defaults.get(field.name, field.default)
+                own.append(Parameter(field.name, Parameter.KEYWORD_ONLY, default=default))
         vars(function)["__signature__"] = explicit.replace(parameters=own)
         vars(function)["keywords"] = kind.__annotations__.keys()
         return function

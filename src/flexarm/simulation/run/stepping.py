@@ -42,6 +42,10 @@ SECTION_CHANNELS = ("axial_force", "shear_force", "bending_moment")
 _HINTS = {
     Status.PRESSED_THROUGH: "Increase the stiffness of the contact or the radius of the surface."
 }
+_HINT = (
+    "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or modes=k on "
+    "the links; check torques, gains and damping signs."
+)
 #: Duration (s) of one compiled call: short enough for the progress bar and Ctrl-C.
 _CALL_SECONDS = 0.1
 #: Compiling for one model size takes about ten seconds and saves a third of each step. It pays off
@@ -83,15 +87,7 @@ def failure_of(
 ) -> SimulationError:
     """Return the error for a run that ended at a time and state (q, qd) for the given reason."""
     reason = reason or status.sentence
-    hint = (
-        hint
-        or _HINTS.get(status)
-        or (
-            "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
-            "modes=k on the links; check torques, gains and damping signs."
-        )
-    )
-    return SimulationError(time, reason, hint, state)
+    return SimulationError(time, reason, hint or _HINTS.get(status, _HINT), state)
 
 
 class Span(NamedTuple):
@@ -331,15 +327,8 @@ class Run:
             part = slice(begin, max(span.end, begin))
             count = part.stop - part.start
             progress = replace(self.progress, sample=count)
-            own = replace(
-                self,
-                arm=span.arm,
-                loads=span.loads,
-                sample_times=self.sample_times[part],
-                samples=self.samples[part],
-                progress=progress,
-                spans=[],
-            )
+            own = replace(self, arm=span.arm, loads=span.loads, progress=progress, spans=[])
+            own.sample_times, own.samples = self.sample_times[part], self.samples[part]
             found.append((part, own))
             begin = part.stop
         return [one for one in found if one[0].stop > one[0].start] or found[:1]
