@@ -203,9 +203,8 @@ class StepMap:
     def linear(self, slope: FloatArray) -> LinearController:
         """Return derivatives (m, n) as matrices."""
         n, after = self._count, len(slope) - self._joints
-        return LinearController(
-            slope[:after, :n], slope[:after, n:], slope[after:, :n], slope[after:, n:]
-        )
+        rows = slope[:after], slope[after:]
+        return LinearController(*(part for row in rows for part in (row[:, :n], row[:, n:])))
 
     def _at(self, x: Any) -> Any:
         """Return the values at a point (n,), or at many (p, n) in one call of the law."""

@@ -168,10 +168,8 @@ def _read(
         frame = np.vstack([exact, forget * rate + per_change * (exact - last)])
     if count:
         step[start : start + width] = frame
-        for j in range(1, count):
-            step[start + j * width : start + (j + 1) * width] = _places(
-                width, start + (j - 1) * width, size
-            )
+        for first in range(start, start + (count - 1) * width, width):
+            step[first + width : first + 2 * width] = _places(width, first, size)
     return frame if late == 0 else _places(width, start + (late - 1) * width, size)
 
 

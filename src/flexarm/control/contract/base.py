@@ -328,26 +328,24 @@ def declares(controller: object, name: str) -> bool:
 
     It is not, if a base class has the attribute and a derived class overrides the law.
     """
-    if name in getattr(controller, "__dict__", {}):
-        return bool(getattr(controller, name))
-    for kind in type(controller).__mro__:
-        if name in vars(kind):
-            return bool(getattr(controller, name))
-        if "update" in vars(kind) or "step" in vars(kind):
-            return False
-    return bool(getattr(controller, name, False))
+    own = name in getattr(controller, "__dict__", {})
+    of_law = own or _first_defined(controller, name, "update", "step") in (name, "")
+    return of_law and bool(getattr(controller, name, False))
 
 
 def _steps(controller: Controller) -> bool:
     """Return whether no class overrides ``update`` after ``step``."""
-    if "update" in vars(controller):
-        return False
+    own = "update" in vars(controller)
+    return not own and _first_defined(controller, "update", "step") == "step"
+
+
+def _first_defined(controller: object, *names: str) -> str:
+    """Return the first of the names that the most derived class with any of them defines, or ""."""
     for kind in type(controller).__mro__:
-        if "update" in vars(kind):
-            return False
-        if "step" in vars(kind):
-            return True
-    return False
+        for name in names:
+            if name in vars(kind):
+                return name
+    return ""
 
 
 def _check_feedforward(controller: Any, joints: int) -> None:
@@ -400,22 +398,12 @@ def requirements_of(
 ) -> ControllerRequirements:
     """Return the requirements of any controlling object; none if it does not declare them."""
     declared = getattr(controller, "requirements", None)
-    if _has_former_name(controller):
+    if _first_defined(controller, "requirements", "needs") == "needs":
         kind = type(controller).__name__
         warn_deprecated(f"{kind}.needs", f"{kind}.requirements", "0.3")
         declared = getattr(controller, "needs", None)
     found = declared(arm, reference) if callable(declared) else None
     return found if isinstance(found, ControllerRequirements) else ControllerRequirements()
-
-
-def _has_former_name(controller: object) -> bool:
-    """Return whether a class defines ``needs`` and no subclass of it ``requirements``."""
-    for base in type(controller).__mro__:
-        if "requirements" in vars(base):
-            return False
-        if "needs" in vars(base):
-            return True
-    return False
 
 
 def report_of(controller: object) -> dict[str, float]:

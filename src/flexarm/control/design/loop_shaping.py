@@ -80,11 +80,7 @@ def shaped_design(
 def shaping(
     arm: Arm, posture: FloatArray, bandwidth: FloatArray, sample_time: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141).
-
-    Raises:
-        InputError: if a bandwidth is not below the Nyquist frequency.
-    """
+    """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141)."""
     largest, nyquist = float(np.max(bandwidth)), np.pi / sample_time
     if largest >= nyquist:
         rule = f"be below the Nyquist frequency of sample_time {sample_time:g} s, {nyquist:.4g}"

@@ -320,9 +320,8 @@ class TaskSpace:
         self._kernels = kernels = KernelView(assembly.constants)
         moved = KernelView(assembly.constants, complex)
         self.joints = count = arm.joints
-        self._state = TaskState(
-            np.zeros((3, 2)), np.zeros((2, count)), np.zeros((count, count)), np.zeros(count)
-        )
+        shapes = (3, 2), (2, count), (count, count), (count,)
+        self._state = TaskState(*map(np.zeros, shapes))
         self._angle, self._rate = np.zeros(arm.joints), np.zeros(arm.joints)
         motion = assembly.joint_body, self._angle, self._rate
         work = kernels.loads, kernels.zeros(2), kernels.zeros(), kernels.work
@@ -344,16 +343,7 @@ class TaskSpace:
         posture: FloatArray,
         added: FloatArray,
     ) -> FloatArray:
-        """Return the joint torques (joints,) N m for an acceleration and a force of the tip: (F.1).
-
-        Args:
-            state: last result of ``at``.
-            acceleration: acceleration of the tip without contact, m/s^2.
-            push: force of the tip on the surface, N.
-            posture: joint accelerations (joints,) rad/s^2 that arms with more than two joints stay
-                close to.
-            added: torque (joints,) N m that is added.
-        """
+        """Return the torques (joints,) N m for an acceleration and a force of the tip: (F.1)."""
         torque = np.empty_like(state.bias_torque)
         self._tip_torque(*state, posture, *acceleration, *push, added, torque)
         return torque

@@ -38,11 +38,7 @@ def largest_ratio(size: int) -> float:
 
 
 def band(size: int, probability: float) -> tuple[float, float]:
-    """Return the central interval of a chi-squared variable of ``size``, divided by its mean.
-
-    Raises:
-        InputError: if the probability is not between 0 and 1.
-    """
+    """Return the central interval of a chi-squared variable of ``size``, divided by its mean."""
     from scipy.stats import chi2
 
     inside = check_number("probability", probability, lambda p: 0.0 < p < 1.0, "be within 0 and 1")
@@ -57,11 +53,6 @@ def innovation_covariance(
 
     The error of the torque affects both the state and the accelerometers, so their errors are
     correlated by N (s, readings).
-
-    Args:
-        P: (s, s), covariance of the state. H: (readings, s), derivative by the state.
-        moved, felt: (s, joints), (readings, joints), changes of state and readings by the error of
-            the torque relative to its deviation. noise: (readings, readings) of the instruments.
     """
     N, R = moved @ felt.T, noise + felt @ felt.T
     return H @ P @ H.T + H @ N + N.T @ H.T + R, R, N
@@ -204,17 +195,12 @@ class Layout(NamedTuple):
     def deviations(self, covariance: FloatArray) -> dict[str, FloatArray]:
         """Return the standard deviations by name for covariances (..., size, size)."""
         found = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
-        named = {
-            "q": found[..., : self.dof],
-            "qd": found[..., self.dof : 2 * self.dof],
-            "payload.mass": found[..., -1],
-        }
+        named = {"q": found[..., : self.dof], "qd": found[..., self.dof : 2 * self.dof]}
+        named["payload.mass"] = found[..., -1]
         if self.disturbed:
             named["disturbance"] = found[..., self.disturbance]
-        for path, values in zip(
-            self.paths, np.moveaxis(found[..., self.parameters], -1, 0), strict=True
-        ):
-            named[path] = values
+        parameters = np.moveaxis(found[..., self.parameters], -1, 0)
+        named |= zip(self.paths, parameters, strict=True)
         for name, places in self.by_instrument.items():
             named[f"bias of {name}"] = found[..., places]
         return named
@@ -277,9 +263,8 @@ class Estimates(NamedTuple):
         """
         true = [check_array(n, v, self.q.shape) for n, v in (("q", q), ("qd", qd))]
         mass = check_nonnegative("payload_mass", payload_mass)
-        given = check_mapping(
-            "parameters", {} if parameters is None else parameters, "paths and numbers"
-        )
+        numbers = {} if parameters is None else parameters
+        given = check_mapping("parameters", numbers, "paths and numbers")
         if set(given) != set(self.parameters):
             rule = f"have the estimated paths {', '.join(self.parameters) or '(none)'}"
             raise InputError(Problem("parameters", rule, shown(list(given))))
@@ -288,9 +273,8 @@ class Estimates(NamedTuple):
             number = check_number(f"parameters[{path!r}]", given[path])
             missed.append((number - values)[:, None])
         joints = self.disturbance.shape[1]
-        torques = check_numbers(
-            "disturbance", np.zeros(joints) if disturbance is None else disturbance
-        )
+        disturbance = np.zeros(joints) if disturbance is None else disturbance
+        torques = check_numbers("disturbance", disturbance)
         shape = self.disturbance.shape if torques.ndim == 2 else (joints,)
         acting = check_array("disturbance", torques, shape) - self.disturbance
         missed.append(acting[:, : self._layout.disturbed])

@@ -363,8 +363,7 @@ def _sigma_points(x: FloatArray, P: FloatArray, with_errors: FloatArray) -> Floa
     roots = square_root(whole)
     mean = np.concatenate([x, np.zeros(joints)])
     apart = np.sqrt(mean.size) * roots.T
-    found: FloatArray = np.vstack([mean, mean + apart, mean - apart])
-    return found
+    return np.vstack([mean, mean + apart, mean - apart])
 
 
 def square_root(covariance: FloatArray) -> FloatArray:
@@ -373,19 +372,16 @@ def square_root(covariance: FloatArray) -> FloatArray:
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.where(deviation > 0.0, deviation, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    root: FloatArray = (deviation[:, None] * vectors) * np.sqrt(np.maximum(values, 0.0))
-    return root
+    return np.asarray((deviation[:, None] * vectors) * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _mean(points: FloatArray) -> FloatArray:
     """Return the mean of sigma points; the central one has no weight."""
     # Relative to it, because numbers that are the same in all points must stay exact.
-    found: FloatArray = points[0] + (points[1:] - points[0]).mean(axis=0)
-    return found
+    return np.asarray(points[0] + (points[1:] - points[0]).mean(axis=0))
 
 
 def _covariance(points: FloatArray, others: FloatArray) -> FloatArray:
     """Return the covariance of two functions of the same sigma points."""
     a, b = points - _mean(points), others - _mean(others)
-    found: FloatArray = a[1:].T @ b[1:] / (len(points) - 1) + _BETA * np.outer(a[0], b[0])
-    return found
+    return np.asarray(a[1:].T @ b[1:] / (len(points) - 1) + _BETA * np.outer(a[0], b[0]))

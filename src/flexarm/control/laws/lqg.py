@@ -193,11 +193,7 @@ class LQG(LQGParameters, OfArm, Controller):
         return np.array(self.memory.get("estimate", np.zeros(self._states)))
 
     def planned(self, t: float, reference: Reference) -> Arrays:
-        """Return the nominal motion, and its elastic forces at the nodes of the preview.
-
-        Raises:
-            InputError: for several runs without a reference: each rests at its own angles.
-        """
+        """Return the nominal motion, and its elastic forces at the nodes of the preview."""
         if self.nominal is None and isinstance(reference, Rest) and reference.angle.ndim > 1:
             rule = "is required for the readings of several runs at the same time"
             raise InputError(Problem("reference", rule))

@@ -104,7 +104,8 @@ def compare(
             hint = f"Use {name}s={{'name': ...}}." if name != "torque" else ""
             raise InputError(Problem(name, "is not an argument of compare", hint=hint))
     for name, items in given.items():
-        if not isinstance(items, Mapping) or not items or not all(map(_is_word, items)):
+        named = isinstance(items, Mapping) and all(isinstance(name, str) for name in items)
+        if not named or not items:
             rule = "be a dictionary by name with at least one entry"
             raise InputError(Problem(name, rule, shown(items)))
     duration = check_positive("duration", duration)
@@ -131,10 +132,6 @@ def compare(
     table = comparison(names, evaluations, progress)
     table.attrs["duration"] = duration
     return table
-
-
-def _is_word(name: object) -> bool:
-    return isinstance(name, str)
 
 
 def check_settling(settling: object, duration: float, references: Mapping[str, Any]) -> None:

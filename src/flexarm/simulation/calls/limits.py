@@ -88,9 +88,11 @@ def motor_warning(
     number, share = arm.joint_numbers[worst], float(numbers["saturation"][worst])
     longest = float(numbers["longest_saturation"][worst])
     cure = "use a slower motion or a stronger motor; see docs/how-to/sense-and-act.md."
-    if _without_limit(controller):
-        cure = "give the limit to the controller (torque_limit=), so that it does not wind up, or "
-        cure += "use a slower motion or a stronger motor; see docs/how-to/sense-and-act.md."
+    # A controller, or one inside, that accepts the limit of the motors but has none winds up.
+    own = (getattr(law, "torque_limit", 0.0) for law in around(controller))
+    if any(x is None or not np.isfinite(np.asarray(x, dtype=float)).all() for x in own):
+        more = "give the limit to the controller (torque_limit=), so that it does not wind up, or"
+        cure = f"{more} {cure}"
     return (
         f"motor {number} is at its limit for {share:.0%} of the run, up to {longest:.3g} s at a "
         f"time, and the error of its joint reaches {error[:, worst].max():.3g} rad: {cure}"
@@ -110,12 +112,6 @@ def _harm(error: FloatArray, saturated: BoolArray) -> float:
     if saturated[-1] and 2 * (end - begin) >= len(error) and part[-1] >= 0.9 * part[0]:
         most = max(most, float(part[-1]))
     return most
-
-
-def _without_limit(controller: object) -> bool:
-    """Return whether a controller, or one inside, accepts the limit of the motors but has none."""
-    limits = (getattr(law, "torque_limit", 0.0) for law in around(controller))
-    return any(x is None or not np.isfinite(np.asarray(x, dtype=float)).all() for x in limits)
 
 
 def instrument_numbers(readings: Sequence[Readings]) -> dict[str, FloatArray]:

@@ -38,12 +38,7 @@ BY_FORCES = BY_CONTACTS | {
 def channels_of_run(
     run: Run, given: FloatArray, names: Collection[str] | None = None
 ) -> dict[str, FloatArray]:
-    """Compute the channels of a run at the samples filled so far.
-
-    Args:
-        given: (samples, joints) torques, N m, or accelerations of prescribed joints, rad/s^2.
-        names: the required channels; others may be missing. None: all channels.
-    """
+    """Compute the channels of a run, those in ``names`` at least, at the samples so far."""
     found = [_channels_of_span(part, given[samples], names) for samples, part in run.parts()]
     if len(found) == 1:
         return found[0]
@@ -193,12 +188,7 @@ def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.
 
 
 def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
-    """Add the data of a closed loop to the result.
-
-    It adds attributes about the controller and the channel ``torque_command`` (time, joint). With
-    hardware it also adds a channel ``measured_NAME`` (tick, ...) for each reading, where ``tick``
-    counts the sample times, and the coordinate ``tick_time`` (s).
-    """
+    """Add the attributes of the controller, its commands, and the readings of its hardware."""
     dataset.attrs["controller"] = type(loop.controller).__name__
     dataset.attrs["sample_time"] = float(loop.controller.sample_time)
     dataset.attrs["controller_calls"] = len(loop.times)

@@ -77,7 +77,8 @@ def arm_inputs(arm: Arm, environment: Environment) -> ArmInputs:
     contacts = placed.contacts
     numbers: list[Array] = [*arm.assembly.constants, place_gauges(arm, arm.gauges)[0]]
     numbers += [getattr(placed, name) for name in _PLACED]
-    return ArmInputs(*numbers, contacts.rows, contacts.shortening, contacts.law)
+    numbers += [contacts.rows, contacts.shortening, contacts.law]
+    return ArmInputs(*numbers)
 
 
 def inputs_of_run(run: Run, environment: Environment) -> Inputs:

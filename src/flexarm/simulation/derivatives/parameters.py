@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from inspect import signature
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -329,10 +329,6 @@ def simulated(
             computes their derivatives inaccurately.
         checkpoints: filled by a run without a controller.
         once: whether the run has exactly these tolerances, and is not repeated with others.
-
-    Raises:
-        InputError: if an argument does not fit the arm.
-        SimulationError: if the run stops early, or a function of time raises an exception.
     """
     if not COMPILED:
         raise InputError(Problem("NUMBA_DISABLE_JIT", "is not supported with derivatives of runs"))
@@ -423,15 +419,7 @@ class SecondRun(NamedTuple):
     allowed: float  # largest difference without a warning
 
 
-class OfRun(Protocol):
-    """Derivatives of a run."""
-
-    @property
-    def run(self) -> Run:
-        """The run."""
-
-
-T = TypeVar("T", bound=OfRun)
+T = TypeVar("T", bound=Any)  # derivatives, with the attribute ``run``
 
 
 def differentiated(

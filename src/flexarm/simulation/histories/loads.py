@@ -128,15 +128,7 @@ def prescribe(
     breaks: ArrayLike = (),
     spacing: float | None = None,
 ) -> PiecewiseCubic:
-    """Replace torques by prescribed accelerations, and set the initial motion in ``state``.
-
-    Args:
-        prescribed: angle by joint number, counted from 1; of a motion of all joints, the part of
-            this joint is used.
-        state: (2, n, 1 + m), changed in place.
-        history: torques of the other joints.
-        breaks, spacing: of functions of time, as in ``function_history``.
-    """
+    """Replace torques by prescribed accelerations, and set the initial motion in ``state``."""
     for joint, motion in prescribed.items():
         index = check_joint(arm, "each key of prescribed", joint)
         own = _of_joint(motion, index, f"prescribed[{joint}]")
@@ -248,13 +240,7 @@ def load_history(
     spacing: float | None = None,
     known: dict[tuple[int, ...], PiecewiseCubic] | None = None,
 ) -> LoadHistory:
-    """Place the loads and approximate their time dependence; tables are represented exactly.
-
-    Args:
-        contacts: contacts of the environment as they were placed for the run, if there are any.
-        breaks, spacing: of functions of time, as in ``function_history``.
-        known: factors of earlier calls that differ in the arm alone, for reuse.
-    """
+    """Place the loads and approximate their time dependence; tables are represented exactly."""
     loads, base_acceleration = environment.loads, _base(environment.base_acceleration)
     moving = callable(base_acceleration) or isinstance(base_acceleration, AccelerationTable)
     still = Environment(loads, None if moving else base_acceleration)

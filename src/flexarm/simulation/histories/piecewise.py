@@ -120,8 +120,7 @@ class _Follower:
         relative: float,
         name: str,
     ) -> None:
-        self._function = function
-        self._name = name
+        self._function, self._name = function, name
         self._columns, self._relative = columns, relative
         self._powers = np.vander(self._TESTS, 4, increasing=True)
         # Evaluate just inside each end, because the function may jump exactly on an edge and each
@@ -255,17 +254,7 @@ def sampled_torque(
     interpolation: str,
     breaks: ArrayLike = (),
 ) -> PiecewiseCubic:
-    """Interpolate samples (samples, joints) taken at ``rate`` (Hz) from time zero.
-
-    Args:
-        values: N m; at least duration times rate samples. After the last sample its value is
-            constant to the end of the run, for every interpolation.
-        interpolation: "hold" is a zero-order hold, "linear" connects the samples, and "cubic" is
-            the spline with continuous curvature, split where the samples have a kink. The spline
-            overshoots samples that alternate in sign.
-        breaks: times (s) at which the spline is split; a split between two samples makes it linear
-            there.
-    """
+    """Interpolate samples (samples, joints) taken at ``rate`` (Hz) from time zero."""
     check_choice("torque_interpolation", interpolation, INTERPOLATIONS)
     samples = check_array("torque", values, (-1, joints))
     needed = int(np.floor(duration * rate * (1 + 1e-12) + 1e-9))
@@ -432,10 +421,6 @@ class PiecewiseCubic:
         """Interpolate a table linearly, with the first and the last value constant beyond its ends.
 
         The representation is exact, with stops at every kink and jump.
-
-        Args:
-            times: (k,) s, ascending; two equal times are a jump.
-            values: (k, columns).
         """
         ends = min(times[0], 0.0) - 1.0, times[-1] + abs(times[-1]) + 1.0
         edges = np.concatenate([ends[:1], times, ends[1:]])

@@ -101,9 +101,8 @@ class Layout:
     def unpacked(self, data: bytes) -> Packet:
         """Return the packet of bytes with a token of this run."""
         if len(data) != self.size:
-            raise WrongPacketError(
-                f"has {len(data)} bytes instead of {self.size}: {self}, 8 bytes each"
-            )
+            text = f"has {len(data)} bytes instead of {self.size}: {self}, 8 bytes each"
+            raise WrongPacketError(text)
         row = np.frombuffer(data, _DOUBLE).astype(np.float64)
         number, time = row[1:HEAD]
         if not (number == np.rint(number) and number >= 0):
@@ -194,11 +193,9 @@ class Datagrams:
             (self._socket.bind if listen else self._socket.connect)(address)
         except OSError as error:
             self._socket.close()
-            what = "listen" if listen else "send"
+            name, what = ("plant", "listen") if listen else ("controller", "send")
             rule = f"be an address at which this computer can {what} ({error.strerror})"
-            raise InputError(
-                Problem("plant" if listen else "controller", rule, str(address))
-            ) from None
+            raise InputError(Problem(name, rule, str(address))) from None
 
     def send(self, data: bytes) -> None:
         """Send a datagram; one that cannot be delivered is lost."""
@@ -328,12 +325,7 @@ class PartnerError(Exception):
 
 
 class OwnController:
-    """Controller in this process, which is always in time.
-
-    Attributes:
-        name: name or address.
-        counts: numbers of packets, by the name of their attribute in the result.
-    """
+    """Controller in this process, which is always in time."""
 
     def __init__(self, controller: Controller, reference: Reference | None, joints: int) -> None:
         self.name, self.counts = type(controller).__name__, dict[str, int]()

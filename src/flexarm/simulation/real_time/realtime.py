@@ -432,14 +432,14 @@ def realtime(
         raise InputError(Problem("readings", rule))
     h = plant.sample_time
     samples = _samples(plant, duration)
-    within = (
-        0.5 * h if answer_within is None else check_positive("answer_within", answer_within, "s")
-    )
-    if within > h:
-        rule = f"be at most the sample time ({h:g} s)"
-        raise InputError(Problem("answer_within", rule, shown(answer_within)))
-    if answer_within is not None and not clock:
-        raise InputError(Problem("answer_within", "cannot be combined with clock=False"))
+    within = 0.5 * h
+    if answer_within is not None:
+        within = check_positive("answer_within", answer_within, "s")
+        if within > h:
+            rule = f"be at most the sample time ({h:g} s)"
+            raise InputError(Problem("answer_within", rule, shown(answer_within)))
+        if not clock:
+            raise InputError(Problem("answer_within", "cannot be combined with clock=False"))
     now = Clock()
     motion = sampled_reference(reference, h, samples * h)
     if motion is not None:

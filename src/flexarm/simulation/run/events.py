@@ -339,18 +339,12 @@ class Mark(NamedTuple):
 
 @dataclass(eq=False)
 class Watch:
-    """Search for events in the samples of a run as they are computed, with a log of the results.
+    """Search for events in the samples of a run as they are computed, with a log of the results."""
 
-    Attributes:
-        arm: the simulated arm.
-        integrator, tolerance: method and tolerances of the run, for locating a crossing.
-        log: the requested events, and those found.
-    """
-
-    arm: Arm
-    integrator: Integrator
-    tolerance: Tolerance
-    log: EventLog
+    arm: Arm  # the simulated arm
+    integrator: Integrator  # method and tolerances of the run, for locating a crossing
+    tolerance: Tolerance  # method and tolerances of the run, for locating a crossing
+    log: EventLog  # the requested events, and those found
     _seen: int = 0  # samples processed
     _last: _Point | None = field(default=None, repr=False)
 

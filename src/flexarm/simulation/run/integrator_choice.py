@@ -100,11 +100,6 @@ def choose_integrator(
     """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance.
 
     The drive of the run and its sample time count in ``simulation.run.work``.
-
-    Args:
-        touch: frequency (rad/s) of the arm on the stiffest surface of a contact; 0 for none.
-        prescribed: joints, by number from 1, whose motion is prescribed.
-        duration: s; infinite if it is not known.
     """
     check_integrator(requested, step, touch > 0.0)
     _refuse_unfollowed(requested, step, arm)

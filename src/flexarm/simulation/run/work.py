@@ -233,11 +233,7 @@ class Checkpoints:
 
 
 def choose(run: Run, history: PiecewiseCubic) -> None:
-    """Choose the integrator of a run under a given torque history, and set ``run.history``.
-
-    Raises:
-        InputError: if the run is hopeless; see ``choose_by_work``.
-    """
+    """Choose the integrator of a run under a given torque history, and set ``run.history``."""
     run.history = history
     changed = run.changes.times if run.changes is not None else np.zeros(0)
     stops = np.concatenate([run.loads.stops_with(history), changed])
