@@ -286,9 +286,8 @@ class ShapedMotion(DerivedMotion):
             state = self.motion.at(own)
             total[0] += share * state.angle
             total[1] += share * state.rate * speed[:, None]
-            total[2] += share * (
-                state.acceleration * speed[:, None] ** 2 + state.rate * bend[:, None]
-            )
+            bent = state.acceleration * speed[:, None] ** 2
+            total[2] += share * (bent + state.rate * bend[:, None])
         return JointState(*total)
 
 

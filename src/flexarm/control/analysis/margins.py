@@ -79,9 +79,8 @@ def loop_at(
     instruments = instruments_of(arm, hardware, len(contacts))
     if hardware is None or hardware.instruments is None:
         names = [item.output for item in instruments]
-        more = [
-            name for name in requirements_of(controller, arm, still).measured if name not in names
-        ]
+        reads = requirements_of(controller, arm, still).measured
+        more = [name for name in reads if name not in names]
         instruments += [Instrument(signal=name) for name in more if name in CHANNEL_OUTPUTS]
     signals = signals_of(instruments)
     rate, (arm, mine_of) = sliding(controller, reference, arm, own if own is not None else arm)

@@ -198,9 +198,8 @@ def _is_built_in(law: Any) -> bool:
 
 
 def _joined(arrays: Mapping[str, _Recorded]) -> Any:
-    return np.concatenate(
-        [np.zeros(0, np.int64), *(array.places.ravel() for array in arrays.values())]
-    )
+    rows = (array.places.ravel() for array in arrays.values())
+    return np.concatenate([np.zeros(0, np.int64), *rows])
 
 
 def flat(arrays: Arrays) -> FloatArray:

@@ -133,9 +133,8 @@ def design(
     """
     from scipy.linalg import block_diag
 
-    names = tuple(
-        dict.fromkeys([*requirements.acceptable, *requirements.measured, *requirements.integrated])
-    )
+    listed = *requirements.acceptable, *requirements.measured, *requirements.integrated
+    names = tuple(dict.fromkeys(listed))
     inputs = tuple(dict.fromkeys(["torque", *requirements.disturbance]))
     rest = equilibrium(arm, posture)
     model = linearize(arm, rest, inputs=inputs, outputs=names)

@@ -64,9 +64,8 @@ class FlexibleModel:
         flat[:, 0, joints], flat[:, 1, joints] = angle, rate
         flat[:, 0, elastic] = bend
         accelerations.reshape(count, -1)[:, joints] = acceleration
-        kernels.call(
-            inverse_dynamics_many, states, accelerations, kernels.loads, kernels.work, forces
-        )
+        motion = states, accelerations
+        kernels.call(inverse_dynamics_many, *motion, kernels.loads, kernels.work, forces)
         found = forces.reshape(count, -1)
         return found[:, joints], found[:, elastic]
 

@@ -327,7 +327,6 @@ class Estimates(NamedTuple):
     @property
     def _uncertain(self) -> NDArray[np.bool_]:
         """Whether each state has a variance; that of a known payload is zero."""
-        found: NDArray[np.bool_] = np.any(
-            np.diagonal(self.covariance, axis1=1, axis2=2) > 0, axis=0
-        )
+        variances = np.diagonal(self.covariance, axis1=1, axis2=2)
+        found: NDArray[np.bool_] = np.any(variances > 0, axis=0)
         return found

@@ -137,9 +137,8 @@ class HorizonProblem:
         x, error = whole[:size], whole[size:]
         X, W = self._slope[:size], self._slope[size:]
         unit = np.eye(self.size)
-        early = self._inverse @ (
-            v[: self._active.size] - self._arrival.x[self._active] / self._scale
-        )
+        mean = self._arrival.x[self._active] / self._scale
+        early = self._inverse @ (v[: self._active.size] - mean)
         residuals = [early, v[self._active.size : self._first]]
         slopes = [self._inverse @ unit[: self._active.size], unit[self._active.size : self._first]]
         xs, errors, links = [x], [error], []

@@ -80,9 +80,8 @@ class PredictedReadings:
             for k, item in enumerate(instruments)
             if isinstance(item.output, Sensor)
         ]
-        self.stations = place_loads(
-            arm, [marker(s.link, s.station) for s in self.sensors], what="Sensor"
-        )
+        points = [marker(sensor.link, sensor.station) for sensor in self.sensors]
+        self.stations = place_loads(arm, points, what="Sensor")
         self._kernels = kernels = KernelView(arm.assembly.constants, complex)
         self._point_jacobian = Entry(point_jacobian)
         self._acceleration = kernels.zeros()
@@ -207,9 +206,8 @@ class ArmModel:
         step = self.step.take(x[layout.states], acting, self.changes(x))
         after, F = x.copy(), np.eye(layout.size)
         after[layout.states] = step.after
-        F[layout.states] = layout.derivative(
-            step.state, step.parameters, step.torque, self.mass(x)[1]
-        )
+        slopes = step.state, step.parameters, step.torque
+        F[layout.states] = layout.derivative(*slopes, self.mass(x)[1])
         G = np.zeros((layout.size, self.noise.size))
         G[layout.states] = step.torque * self.noise
         return Link(after, F, G)

@@ -183,9 +183,8 @@ class LQG(LQGParameters, OfArm, Controller):
         first = () if self.nominal is not None else ("joint_angle",)
         own = self.design_requirements
         read = tuple(dict.fromkeys([*first, *own.measured, *own.integrated]))
-        return ControllerRequirements(
-            self.arm.joints, read, len(self.arm.gauges) if "strain" in read else None
-        )
+        gauges = len(self.arm.gauges) if "strain" in read else None
+        return ControllerRequirements(self.arm.joints, read, gauges)
 
     @property
     def estimate(self) -> FloatArray:
@@ -301,9 +300,8 @@ class LQG(LQGParameters, OfArm, Controller):
         if arm.joints != self.arm.joints:
             rule = f"have the number of joints of the arm ({self.arm.joints})"
             raise InputError(Problem("plant", rule, str(arm.joints)))
-        at = check_array(
-            "posture", self.posture if posture is None else posture, (self.arm.joints,)
-        )
+        posture = self.posture if posture is None else posture
+        at = check_array("posture", posture, (self.arm.joints,))
         with one_warning() as bent:
             poles: FloatArray = loop_at(self, plant, at).poles()
         warn_of_first(bent)
@@ -497,12 +495,10 @@ class Composite(CompositeParameters, LQG):
         price = np.diag(self.design_requirements.acceptable_torque**-2.0)
         weighed = rows.T @ rows
         stiffness, energy = bending(arm, model, self.design_requirements.acceptable_torque)
-        weighed[:k, :k] += bend_weight(
-            self.design_requirements.rigidity_uncertainty, stiffness, energy
-        )
-        sizes = np.append(
-            coordinate_sizes(arm), self.design_requirements.rate * coordinate_sizes(arm)
-        )
+        own = self.design_requirements
+        weighed[:k, :k] += bend_weight(own.rigidity_uncertainty, stiffness, energy)
+        sizes = coordinate_sizes(arm)
+        sizes = np.append(sizes, own.rate * sizes)
         gain, cost = regulator(A, B, weighed, price, sizes[moved])
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)

@@ -77,9 +77,8 @@ class RobustFollower(JointFollower, RobustParameters, OfArm):
         self.posture = np.zeros(joints) if self.posture is None else np.array(self.posture)
         # The property reads another attribute, which the design sets.
         rate = typical_rate(self.arm, vars(self)["sample_time"])
-        self.bandwidth = (
-            np.full(joints, BANDWIDTH * rate) if self.bandwidth is None else self.bandwidth
-        )
+        if self.bandwidth is None:
+            self.bandwidth = np.full(joints, BANDWIDTH * rate)
         # The constructor leaves the number in the dictionary of the object, under the property.
         self._sample_time: float = vars(self).pop("sample_time")
         self._design_for(self._sample_time)

@@ -239,9 +239,8 @@ class Adaptive(AdaptiveParameters, SlidingController):
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         after, now = self._sliding.at(memory, readings, inputs)
         estimate, torque = memory["estimate"].copy(), np.zeros_like(now.s)
-        columns = self._model.regressor(
-            now.angle, now.rate, now.reference_rate, now.reference_acceleration
-        )
+        reference = now.reference_rate, now.reference_acceleration
+        columns = self._model.regressor(now.angle, now.rate, *reference)
         gains = self.damping, self.adaptation, self.leakage, self.dead_zone
         limits = self._start, self._lower, self._upper, self.sample_time
         self._law(columns, self._model.known, now.s, *gains, *limits, estimate, torque)

@@ -182,9 +182,8 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         self._A, self._B, self._C, self._D, _ = cont2discrete(whole, self.sample_time, "bilinear")
         self._followed: Reference | None = None
         self._along: SampledFeedforward | None = None
-        self._nominal = PreviewedReference(
-            self._model, self._sag, self.sample_time, 1, self._static_strain
-        )
+        model = self._model, self._sag, self.sample_time
+        self._nominal = PreviewedReference(*model, 1, self._static_strain)
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         required = self._required(arm, reference, self.arm.joints)
@@ -364,9 +363,8 @@ class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):
         through = 1.0 / (ratio**2 - 1.0)
         gain = np.diag(omega * np.sqrt(ratio) / (1.0 + through))
         one = np.eye(count)
-        return ModalLaw(
-            -through * gain, -gain, np.vstack([one, -through * gain]), np.vstack([0.0 * one, -gain])
-        )
+        outputs = np.vstack([one, -through * gain]), np.vstack([0.0 * one, -gain])
+        return ModalLaw(-through * gain, -gain, *outputs)
 
 
 class WaveBasedControl(WaveBasedControlParameters, StrainDamping):

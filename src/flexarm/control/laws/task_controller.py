@@ -85,9 +85,8 @@ class TaskController(OfArm, Controller):
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """Return the requirements: a reference that presses needs a measured force."""
         presses = self._reads_force and hasattr(reference, "contact_force")
-        return ControllerRequirements(
-            self.arm.joints, (*JOINTS, "contact_force") if presses else JOINTS
-        )
+        measured = (*JOINTS, "contact_force") if presses else JOINTS
+        return ControllerRequirements(self.arm.joints, measured)
 
     def planned(self, t: float, reference: Reference) -> Arrays:
         """Return the requested motion and force at t (s), in the order of `TaskReference`."""

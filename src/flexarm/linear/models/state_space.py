@@ -108,9 +108,8 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
         if voltages:
             return voltages
         hint = "Give its joints a winding: fa.Joint(..., winding=fa.Winding(...))."
-        raise InputError(
-            Problem("inputs", "contain voltage, but no joint has a winding", hint=hint)
-        )
+        rule = "contain voltage, but no joint has a winding"
+        raise InputError(Problem("inputs", rule, hint=hint))
     if name == "tip_force":
         forces = ((1.0, 0.0), (0.0, 1.0))
         return [

@@ -304,13 +304,10 @@ class SmoothMatrices:
         self._model = model
         motion = model.motion
         # Before and after the motion the matrices are constant, so one evaluation suffices.
-        self._rest = [
-            self._packed(np.array([t])) for t in (motion.start_time - 1.0, motion.end_time)
-        ]
+        ends = motion.start_time - 1.0, motion.end_time
+        self._rest = [self._packed(np.array([t])) for t in ends]
         self._breaks = np.array(motion.breaks)
-        self._series = [
-            self._fit(a, b) for a, b in zip(self._breaks[:-1], self._breaks[1:], strict=True)
-        ]
+        self._series = [self._fit(a, b) for a, b in pairwise(self._breaks)]
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return M, D, K and r at times (T,)."""

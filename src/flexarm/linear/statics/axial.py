@@ -53,9 +53,8 @@ def geometric_stiffness(
     a hundredth of the buckling loads. Forces of contacts act as constant loads, and those of
     closures, (rows,), as their wrenches.
     """
-    small = not closure_forces.size and _estimate(arm).surely_small(
-        np.zeros(1), *_at_rest(arm, q, environment), _NEGLIGIBLE
-    )
+    here = np.zeros(1), *_at_rest(arm, q, environment)
+    small = not closure_forces.size and _estimate(arm).surely_small(*here, _NEGLIGIBLE)
     if arm.spec.theory != "linear" or small:
         return np.zeros((arm.dof, arm.dof))
     loads = [*environment.loads, *_contact_loads(arm, q, environment.contacts)]

@@ -139,9 +139,8 @@ def stepper_of(arm: Arm, method: str, h: float) -> Callable[..., FloatArray]:
         return _explicit_step(arm, kernels, _rows_of(kind), h)
     if kind is not None and issubclass(kind, Additive):
         return partial(_additive_step, arm, kernels, kind.tableau, h)
-    known = [
-        name for name, k in INTEGRATORS.items() if issubclass(k, (ExplicitRungeKutta, Additive))
-    ]
+    kinds = ExplicitRungeKutta, Additive
+    known = [name for name, k in INTEGRATORS.items() if issubclass(k, kinds)]
     rule = f"be one of {', '.join(map(repr, known))}"
     hint = ""
     if isinstance(method, str) and method in REMOVED:
@@ -184,9 +183,8 @@ def _additive_step(
     state = arm.padded(x.reshape(2, -1)).astype(complex)
     memory = new_memory(state, h)
     record = additive_record(tableau, numbers, state)
-    held_torque_additive_step(
-        System(kernels.sizes, numbers, drive, kernels.work), record, memory, h
-    )
+    system = System(kernels.sizes, numbers, drive, kernels.work)
+    held_torque_additive_step(system, record, memory, h)
     return arm.unpadded(memory.new).ravel()
 
 

@@ -373,9 +373,8 @@ def via_point_motion(
         InputError: under the conditions of `line_motion`, if a point equals the one before it, or
             the corners do not fit on the lines.
     """
-    return tip_motion(
-        arm, polygon_path(points, blend), duration, profile, elbow, start_time, posture
-    )
+    path = polygon_path(points, blend)
+    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)
 
 
 @public_call

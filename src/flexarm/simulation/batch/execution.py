@@ -502,9 +502,8 @@ class ClosedLoop:
         end = end if stopped is None else stopped
         reached = end, ended_by, attributes["failure"], attributes["integrator"]
         work = [attributes["steps"]], [attributes["evaluations"]]
-        return Outcome(
-            [k], times, channels, *reached, [" ".join(warnings_of(result))], *work, limits
-        )
+        notices = [" ".join(warnings_of(result))]
+        return Outcome([k], times, channels, *reached, notices, *work, limits)
 
 
 #: Runs of a batch, one at a time.

@@ -229,9 +229,8 @@ class Lanes(ABC):
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         """Return the integrator of a run."""
         requested = self._settings.integrator, self._settings.step
-        return choose_integrator(
-            *requested, run.arm, tolerance, run.touch, duration=self._shared.duration
-        )
+        duration = self._shared.duration
+        return choose_integrator(*requested, run.arm, tolerance, run.touch, duration=duration)
 
     def _executed(self, group: Group) -> Iterator[Outcome]:
         """Yield the outcomes of the runs that reach their end."""

@@ -212,9 +212,8 @@ class Recorder:
         instruments = (variations.hardware and variations.hardware.instruments) or ()
         names = [item.label for item in instruments if item.limit < np.inf]
         label = {"long_name": "instrument with a limit"}
-        found = coordinates_of(
-            variations.arms[0], self._times[:: self._stride], sizes["station"], sizes["contact"]
-        )
+        times, counts = self._times[:: self._stride], (sizes["station"], sizes["contact"])
+        found = coordinates_of(variations.arms[0], times, *counts)
         found["instrument"] = ("instrument", names, label)
         if not variations.same_arm:
             found.pop("position", None)  # the lengths of the links may differ

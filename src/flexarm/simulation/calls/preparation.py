@@ -389,9 +389,8 @@ def new_run(
     horizon = UNBOUNDED * spacing if math.isinf(duration) else duration
     request = request_of(settings, arm)
     tolerance = tolerance_of(arm, state, *tolerances_of(settings, arm), horizon)
-    choice = choose_integrator(
-        settings.integrator, settings.step, arm, tolerance, touch, prescribed, horizon
-    )
+    requested = settings.integrator, settings.step
+    choice = choose_integrator(*requested, arm, tolerance, touch, prescribed, horizon)
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
 
     def loads_of(relative: float) -> LoadHistory:

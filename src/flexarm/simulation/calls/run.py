@@ -226,9 +226,8 @@ def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
     acting = controller, situation.reference, situation.hardware
     loop = ClosedLoop(run, *acting)
     q = simulated.unpadded(situation.start[0])
-    analysed = AnalysedLoop(
-        *(situation.arm, simulated, *acting, situation.contacts, q, situation.duration)
-    )
+    around = situation.contacts, q, situation.duration
+    analysed = AnalysedLoop(situation.arm, simulated, *acting, *around)
     stability = partial(instability, analysed, {})
     return _closed_loop(run, loop, stability), run.notices
 

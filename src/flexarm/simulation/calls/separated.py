@@ -122,9 +122,8 @@ def simulate_separated(
         check_function("added_torque", added_torque)
         # The result contains the torque, so its tolerance is at most the default of ``simulate``.
         relative, name = min(allowed, CLOSE), "added_torque"
-        added = function_history(
-            added_torque, until, arm.joints, relative, breaks, name, 1.0 / frequency
-        )
+        accuracy = relative, breaks, name, 1.0 / frequency
+        added = function_history(added_torque, until, arm.joints, *accuracy)
         attributes["shortest_feature"] = added.shortest_feature
     if method == "quasi_static":
         given = {

@@ -149,9 +149,8 @@ class DualStepper:
     ) -> None:
         run, status = self._run, Status.PAUSED
         while status == Status.PAUSED:
-            status = run.integrator.advance(
-                self.system, run.tolerance, progress, until, times, samples, _STEPS
-            )
+            now = self.system, run.tolerance, progress, until
+            status = run.integrator.advance(*now, times, samples, _STEPS)
         if status != Status.DONE:
             raise run.failure(status)
 

@@ -315,16 +315,15 @@ def _dataset(
             "long_name": f"derivative of: {meaning}",
         }
         variables[name] = (("parameter", *axes), np.stack([one[name] for one in found]), labels)
-    coordinates = coordinates_of(run.arm, run.sample_times) | {
-        "parameter": ("parameter", list(paths), {"long_name": "path of the parameter"})
-    }
+    labels = {"long_name": "path of the parameter"}
+    coordinates = coordinates_of(run.arm, run.sample_times)
+    coordinates["parameter"] = "parameter", list(paths), labels
     if run.watch is not None:
         log = run.watch.log
         events = [log.names[one.place] for one in log.found]
         coordinates["event_name"] = ("event", events, {"long_name": "name of the event"})
-    used = {"parameter", "time", "event_name"}.union(
-        *(variable[0] for variable in variables.values())
-    )
+    dims = [variable[0] for variable in variables.values()]
+    used = {"parameter", "time", "event_name"}.union(*dims)
     coordinates = {name: value for name, value in coordinates.items() if name in used}
     if errors is not None:
         labels = {"units": "1", "long_name": "estimated relative error of the derivatives"}

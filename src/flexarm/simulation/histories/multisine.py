@@ -65,9 +65,8 @@ class Multisine:
         shape = lines.size, -1
         given = self.coefficients
         if isinstance(given, np.ndarray) and given.dtype.kind == "c":
-            real, imaginary = (
-                check_array("coefficients", part, shape) for part in (given.real, given.imag)
-            )
+            parts = given.real, given.imag
+            real, imaginary = (check_array("coefficients", part, shape) for part in parts)
             given = real + 1j * imaginary
         else:
             given = check_array("coefficients", given, shape).astype(np.complex128)

@@ -139,9 +139,8 @@ def _with_inertia(plant: Arm, share: float) -> tuple[Arm | None, str]:
     joints, places, sizes = list(plant.spec.joints), [], []
     for i, (link, joint) in enumerate(zip(plant.spec.links, joints, strict=True)):
         beam = link.beam()
-        inertia = share * float(
-            np.trapezoid(np.array(beam.mass_per_length) * np.square(beam.x), beam.x)
-        )
+        squares = np.array(beam.mass_per_length) * np.square(beam.x)
+        inertia = share * float(np.trapezoid(squares, beam.x))
         added = {}
         if not (joint.fixed or joint.hub_inertia or joint.rotor_inertia):
             added["hub_inertia"] = inertia

@@ -188,9 +188,8 @@ class _Pair:
         while Status.PAUSED in (coarse.status, fine.status):
             behind = coarse.progress.time <= fine.progress.time or fine.status != Status.PAUSED
             trial = coarse if coarse.status == Status.PAUSED and behind else fine
-            system, trial.status = run.advance(
-                system, trial.progress, until, trial.times, trial.samples
-            )
+            target = until, trial.times, trial.samples
+            system, trial.status = run.advance(system, trial.progress, *target)
             if trial.status not in (Status.DONE, Status.PAUSED, *_OF_THE_ARM):
                 return system
             if not self.whole:

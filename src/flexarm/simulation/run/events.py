@@ -485,9 +485,8 @@ class Watch:
         no_times, no_samples = np.zeros(0), np.zeros((0, *start.state.shape))
         status = Status.PAUSED
         while status == Status.PAUSED:
-            status = self.integrator.advance(
-                system, self.tolerance, progress, until, no_times, no_samples, _STEPS_A_CALL
-            )
+            target = until, no_times, no_samples, _STEPS_A_CALL
+            status = self.integrator.advance(system, self.tolerance, progress, *target)
         if status != Status.DONE:
             raise SimulationError(until, f"an event was not located: {status.sentence}")
         return progress.state

@@ -148,9 +148,8 @@ def misses_slip(run: Run) -> bool:
     history, fixed, search = run.history, not run.integrator.adaptive, run.default_step
     step = search.shortest if search is not None else run.integrator.step
     apart = float(step or 0.0) if fixed else 0.0
-    return history is not None and any(
-        _misses_slip(part, history, apart) for _, part in run.parts()
-    )
+    parts = [part for _, part in run.parts()]
+    return history is not None and any(_misses_slip(part, history, apart) for part in parts)
 
 
 def _misses_slip(run: Run, history: PiecewiseCubic, step: float) -> bool:
@@ -218,9 +217,8 @@ def meets_stops(run: Run) -> bool:
 def slides(run: Run) -> bool:
     """Return whether a joint that friction can hold moves in a sample."""
     rates = run.samples[: run.progress.sample, 1, :, 0]
-    return run.arm.assembly.has_sticking and bool(
-        rates[:, run.arm.assembly.constants.holds > 0.0].any()
-    )
+    moving = rates[:, run.arm.assembly.constants.holds > 0.0].any()
+    return run.arm.assembly.has_sticking and bool(moving)
 
 
 def returns(run: Run) -> bool:

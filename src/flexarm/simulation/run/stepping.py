@@ -380,9 +380,8 @@ class Run:
             SimulationError: if the step has become too short to reach the time.
         """
         started = time.perf_counter()
-        status = self.integrator.advance(
-            system, self.tolerance, progress, until, sample_times, samples, self.max_steps
-        )
+        target = until, sample_times, samples, self.max_steps
+        status = self.integrator.advance(system, self.tolerance, progress, *target)
         if status is not _PAUSED:
             return system, status
         if time.perf_counter() - started < _CALL_SECONDS:

@@ -152,9 +152,8 @@ def fastest_frequencies(arm: Arm, states: FloatArray, least: float = 0.0) -> Flo
     if np.any(c.w2) or np.any(c.joint_stiffness):
         kernels, torque = KernelView(c), np.zeros(c.mass.size)
         moved, change = kernels.zeros(2), kernels.zeros(2)
-        kernels.call(
-            fastest_vibrations, states, kernels.loads, kernels.work, moved, change, torque, found
-        )
+        work = kernels.loads, kernels.work, moved, change, torque
+        kernels.call(fastest_vibrations, states, *work, found)
     return np.maximum(found, least)
 
 

@@ -120,12 +120,10 @@ def choose_by_samples(
         choice = choice._replace(integrator=KennedyCarpenter5(), reason=reason)
     if np.isfinite(duration):
         implicit = _PER_STEP * duration / sample_time
-        work = _work_of(
-            choice.integrator, duration, explicit_work(choice.fastest, duration), implicit
-        )
-        _refuse(
-            choice.integrator, work, implicit, duration, arm.assembly.constants.mode[:, :, 0].size
-        )
+        explicit = explicit_work(choice.fastest, duration)
+        work = _work_of(choice.integrator, duration, explicit, implicit)
+        modes = arm.assembly.constants.mode[:, :, 0].size
+        _refuse(choice.integrator, work, implicit, duration, modes)
     return choice
 
 
