@@ -551,11 +551,7 @@ def _nodes(start: float, end: float, rate: float) -> Floats:
 
 
 def quintic_table(edges: Floats, first: JointState, last: JointState, rests: Floats) -> PPoly:
-    """Return polynomials of degree 5 between rest before and rest after a motion.
-
-    ``first`` and ``last`` (k, n) are values at the start and at the end of each interval between
-    the edges (k + 1,) s, ``rests`` (2, n) rad the angles before and after the motion.
-    """
+    """Return polynomials of degree 5 between rest before and rest after a motion."""
     from scipy.interpolate import PPoly
 
     constant = np.zeros((2, 6, rests.shape[1]))

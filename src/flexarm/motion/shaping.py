@@ -83,11 +83,7 @@ def _slope(damping_ratio: float) -> float:
 def specified_insensitivity(
     damping_ratio: float, tolerance: float, insensitivity: float
 ) -> Impulses:
-    """Return the shortest positive impulses with a limited residual in a range; (C.16).
-
-    ``tolerance`` is the largest residual in the range, ``insensitivity`` its width relative to the
-    design frequency, its middle. InputError if no impulses were found.
-    """
+    """Return the shortest positive impulses with a limited residual in a range; (C.16)."""
     from scipy.optimize import minimize
 
     start = _undamped(tolerance, insensitivity)
@@ -352,11 +348,7 @@ class SmoothedMotion(DerivedMotion):
 def window_points(
     times: Floats, breaks: Sequence[float], window: tuple[float, float], count: int
 ) -> tuple[Floats, Floats]:
-    """Return ages (T, k) s of Gauss points over a window before each time, and their shares.
-
-    ``breaks`` (b,) s are where the averaged function is not smooth, ``window`` the first and last
-    age (s), ``count`` the points between two breaks. The sum of the shares (T, k) is 1.
-    """
+    """Return ages (T, k) s of Gauss points over a window before each time, and their shares."""
     ago = np.clip(times[:, None] - np.array(breaks), *window)
     edges = np.sort(np.pad(ago, ((0, 0), (1, 1)), constant_values=((0, 0), window)))
     nodes, weights = np.polynomial.legendre.leggauss(count)

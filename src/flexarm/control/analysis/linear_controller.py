@@ -89,15 +89,6 @@ def linear_controller(
     """Linearise a law about a constant measurement, after a first sample with it.
 
     Differences are relative to the size of a number, so that they do not depend on units.
-
-    Args:
-        controller: controller with a ``step``; it is not modified.
-        measured: the readings by name, in the order of the columns of B and D.
-        reference: constant reference, see `FrozenReference`; None for none.
-        t: time of the update, s.
-        signals: what the readings measure, by name, if it is not the name. Angles and strains have
-            the size one, rates that in 1000 samples, and others that of the largest number of the
-            reading. Memory has the size of its change by the readings.
     """
     law = deepcopy(controller)
     law.reset()

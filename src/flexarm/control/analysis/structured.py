@@ -280,10 +280,7 @@ def _fitted(
 
 
 def _magnitude(numbers: FloatArray, omega: FloatArray) -> FloatArray:
-    """Return log|D| (f,) of D = exp(g) prod (1 + s / zero) / (1 + s / pole).
-
-    ``numbers``: g, and the logarithms of each zero and pole.
-    """
+    """Return log|D| (f,) of D = exp(g) prod (1 + s / zero) / (1 + s / pole)."""
     found = np.full(len(omega), numbers[0])
     for zero, pole in numbers[1:].reshape(-1, 2):
         found += 0.5 * np.log1p((omega * np.exp(-zero)) ** 2)

@@ -265,11 +265,7 @@ def _previewed(item: Design, left: FloatArray, steps: int, stride: int) -> Float
 def kalman(
     A: FloatArray, C: FloatArray, disturbance: FloatArray, noise: FloatArray, sizes: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the Kalman gain and the covariances of prediction error and innovation; (C.25).
-
-    States are in the ratio of their ``sizes`` (n,) as in `regulator`, and readings relative to
-    their noise.
-    """
+    """Return the Kalman gain and the covariances of prediction error and innovation; (C.25)."""
     from scipy.linalg import solve
 
     reading = np.diag(noise) ** 0.5

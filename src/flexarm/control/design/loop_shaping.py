@@ -101,10 +101,7 @@ def sampled_growth(model: LinearModel, controller: Matrices, sample_time: float)
 
 
 def added_damping(arm: Arm, model: LinearModel, ratio: float) -> FloatArray:
-    """Return the rates of change of qd by qd of damping (dof, dof) of the links, 1/s; (C.145).
-
-    ``ratio``: damping ratio that is added to every mode with locked joints.
-    """
+    """Return the rates of change of qd by qd of damping (dof, dof) of the links, 1/s; (C.145)."""
     from scipy.linalg import eigh
 
     elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)

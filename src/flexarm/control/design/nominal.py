@@ -334,10 +334,7 @@ class PreviewedReference:
         self._end = new.stop
 
     def along(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Nominal:
-        """Return the nominal motion at T times, for a motion of the joints (T, joints).
-
-        Each entry of the result has the additional first dimension T.
-        """
+        """Return the nominal motion at T times, for a motion of the joints (T, joints)."""
         bend = self._sag.first_at(angle)
         torque, elastic_force = self._model.forces_many(angle, rate, acceleration, bend)
         # The arrays have the type of the angles, which are symbols in exported controllers.

@@ -88,12 +88,7 @@ class InnovationTest:
         self.passed = True
 
     def add(self, squared: float, size: int) -> None:
-        """Add the normalised innovation squared of a sample with ``size`` readings.
-
-        Warns:
-            InconsistentEstimateWarning: if a window is outside its distribution, for the first
-                one only.
-        """
+        """Add the normalised innovation squared of a sample with ``size`` readings."""
         place = self._count % WINDOW
         self._last[place], self._sizes[place] = squared, size
         self._count += 1

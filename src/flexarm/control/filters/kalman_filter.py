@@ -354,10 +354,7 @@ class UnscentedKalmanFilter(KalmanFilter):
 
 
 def _sigma_points(x: FloatArray, P: FloatArray, with_errors: FloatArray) -> FloatArray:
-    """Return the sigma points (2 n + 1, n) of a state and the torque errors, the mean first.
-
-    ``with_errors`` is their covariance. The errors have unit variance and zero mean.
-    """
+    """Return the sigma points (2 n + 1, n) of a state and the torque errors, the mean first."""
     joints = with_errors.shape[1]
     whole = np.block([[P, with_errors], [with_errors.T, np.eye(joints)]])
     roots = square_root(whole)

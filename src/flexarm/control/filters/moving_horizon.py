@@ -166,10 +166,7 @@ class HorizonProblem:
         return Evaluated(whole, slope, xs, errors, X, links)
 
     def solve(self) -> tuple[Evaluated, bool]:
-        """Return the least squares within the bounds, and whether the search converged.
-
-        By Gauss-Newton steps of SciPy.
-        """
+        """Return the least squares within the bounds, and whether the search converged."""
         from scipy.optimize import lsq_linear
 
         v = self.start()

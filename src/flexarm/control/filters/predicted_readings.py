@@ -112,10 +112,7 @@ class PredictedReadings:
         return readings
 
     def predict(self, x: FloatArray, torque: FloatArray, constants: Constants) -> Predicted:
-        """Return the readings of a state x = [q, qd] (2 dof,) and their derivatives.
-
-        ``torque`` (joints,) is the acting torque; ``constants`` are those of ``FreeParameters``.
-        """
+        """Return the readings of a state x = [q, qd] (2 dof,) and their derivatives."""
         slopes, joints = self.linear_rows.copy(), self.arm.joints
         plain, moved = constants
         by_parameters = np.zeros((self.size, len(moved)))

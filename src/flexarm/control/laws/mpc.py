@@ -387,10 +387,7 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
 
     @np.errstate(over="ignore", invalid="ignore")
     def _programme(self, x: FloatArray, steps: Steps, torques: FloatArray) -> _Prepared | None:
-        """Return the programme about the motion from x (2 dof,) under torques (N, joints).
-
-        The result is None if the motion or the programme overflows.
-        """
+        """Return the programme about the motion from x (2 dof,) under torques (N, joints)."""
         from scipy.linalg import lapack
 
         if not all(np.all(np.isfinite(array)) for array in steps):
@@ -426,10 +423,7 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
     def _next_plan(
         self, ready: _Prepared | None, x: FloatArray, wanted: FloatArray, plans: dict[str, Any]
     ) -> FloatArray:
-        """Return the torques (N joints,) of the programme for the state x (2 dof,) at its start.
-
-        Without a programme they are those of the last plan.
-        """
+        """Return the torques (N joints,) of the programme for the state x (2 dof,) at its start."""
         if ready is None:
             return self._shifted(self._motion.torques(self.horizon).ravel(), plans)
         _, _, torque_weight, to_integrals, previewed = self._arrays.arrays[4:]

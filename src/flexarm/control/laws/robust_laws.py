@@ -413,10 +413,7 @@ def _factors(change: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _with_performance(plant: Matrices, first: int, corner: float, sensitivity: float) -> Matrices:
-    """Return the generalised plant: performance of disturbing torques and noise is added.
-
-    ``first``: number of inputs and outputs of the uncertainty.
-    """
+    """Return the generalised plant: performance of disturbing torques and noise is added."""
     from scipy.linalg import block_diag
 
     A, B, C, D = plant

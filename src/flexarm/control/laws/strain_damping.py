@@ -153,10 +153,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         return {"joint": arm.joints, "gauge": len(arm.gauges), "bending coordinate": bending}
 
     def _joint_motion(self, shapes: FloatArray, moved: FloatArray) -> FloatArray:
-        """Return the motion of the joints (joints, k) per motion in modal form, u of (C.17).
-
-        ``moved`` (k, joints) is B of (C.17), for the modes with ``shapes`` (k, dof).
-        """
+        """Return the motion of the joints (joints, k) per motion in modal form, u of (C.17)."""
         motion: FloatArray = _inverse(moved, "be moved by the joints", len(moved))
         return motion
 
@@ -250,10 +247,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         return found.reshape(*times.shape, found.shape[-1])
 
     def _warn_of_growth(self, highest: float) -> None:
-        """Warn if a mode that is not designed grows around joints that follow exactly.
-
-        Modes above ``highest`` (Hz) are left to the joint loop.
-        """
+        """Warn if a mode that is not designed grows around joints that follow exactly."""
         elastic, count, model = self._model.elastic, self.modes, self._linear
         n, law = len(elastic), self._law(2.0 * np.pi * self.frequency_hz)
         own = np.ix_(elastic, elastic)

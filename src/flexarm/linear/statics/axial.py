@@ -321,10 +321,7 @@ _of_arms: WeakKeyDictionary[Arm, AxialLoads] = WeakKeyDictionary()
 
 
 def closure_warning(arm: Arm, forces: FloatArray) -> str:
-    """Describe the largest force of a closure beside the buckling load of its links; "" if small.
-
-    ``forces`` (samples, rows), N. It may act along a link, whatever its direction is now.
-    """
+    """Describe the largest force of a closure beside the buckling load of its links; "" if small."""
     if arm.spec.theory != "linear" or not forces.size:
         return ""
     gains = dict.fromkeys(range(arm.links), 0.0)

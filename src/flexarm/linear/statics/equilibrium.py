@@ -271,10 +271,7 @@ def equilibrium(
 
 
 def loose_coordinates(arm: Arm, environment: Environment) -> list[int]:
-    """Return the indices in q of coordinates of the base on which no equilibrium depends.
-
-    They have no spring, and no contact, field or load that could hold them.
-    """
+    """Return the indices in q of coordinates of the base on which no equilibrium depends."""
     if environment.contacts:
         return []
     turning = bool(np.any(arm.spec.gravity)) or bool(environment.loads)
@@ -335,10 +332,7 @@ class _Search:
         return arm.inverse_dynamics(q, rest, rest, loads=loads, contacts=self.contacts)
 
     def newton(self, q: FloatArray, fraction: float) -> FloatArray:
-        """Solve under a fraction of the load, from q; LinAlgError if it does not converge.
-
-        In independent coordinates, with the loops closed after each step.
-        """
+        """Solve under a fraction of the load, from q; LinAlgError if it does not converge."""
         from scipy.linalg import solve
 
         arm, loads = self._scaled(fraction)
@@ -515,10 +509,7 @@ def _descent_step(
 
 
 def _largest_turn(arm: Arm, step: FloatArray) -> float:
-    """Return the largest rotation (rad) of a joint or of an end of a segment in a step (dof,).
-
-    Displacements of joints and bases that slide count in units of the reach.
-    """
+    """Return the largest rotation (rad) of a joint or of an end of a segment in a step (dof,)."""
     rigid = np.ones(arm.dof, dtype=bool)
     for piece in arm.assembly.pieces:
         rigid[piece.modal] = False

@@ -425,10 +425,7 @@ def new_run(
 
 
 def restarted(run: Run, state: FloatArray, settings: RunSettings) -> Run:
-    """Return a run like one without contacts and events, from another initial state.
-
-    The new run shares arm, loads and sample times with ``run``.
-    """
+    """Return a run like one without contacts and events, from another initial state."""
     tolerance = for_arm(run.tolerance, run.arm, state, run.horizon)
     requested = settings.integrator, settings.step
     choice = choose_integrator(*requested, run.arm, tolerance, 0.0, run.prescribed, run.horizon)
@@ -446,11 +443,7 @@ def restarted(run: Run, state: FloatArray, settings: RunSettings) -> Run:
 def initial_state(
     arm: Arm, q: ArrayLike | None, qd: ArrayLike | None, straight: FloatArray
 ) -> FloatArray:
-    """Return the state (2, n, 1 + m) for coordinates and rates (dof,).
-
-    Without ``q`` the links are straight at the joint angles ``straight`` (joints,); without ``qd``
-    the rates are zero.
-    """
+    """Return the state (2, n, 1 + m) for coordinates and rates (dof,)."""
     if q is None:
         q = arm.rest(straight)
     given = check_array("initial", q, (-1,))

@@ -227,10 +227,7 @@ def dual_system(system: System, numbers: Inputs) -> System:
 def channel_derivatives(
     arm: Arm, run: DualRun, count: int, names: Collection[str]
 ) -> list[dict[str, FloatArray]]:
-    """Return the derivatives of channels (samples, ...) in each of ``count`` directions.
-
-    The kernels compute poses and strains in dual numbers.
-    """
+    """Return the derivatives of channels (samples, ...) in each of ``count`` directions."""
     samples = run.samples.array
     parts: list[list[dict[str, FloatArray]]] = [[] for _ in range(count)]
     for first in range(0, len(samples), _CHUNK):

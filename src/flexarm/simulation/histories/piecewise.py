@@ -59,13 +59,6 @@ def function_history(
     the cubics every ``spacing``, and approximated again around each instant at which they differ. A
     feature that is shorter than ``shortest_feature`` of the result, and away from ``breaks``, may
     be missed.
-
-    Args:
-        relative: relative tolerance of the run.
-        breaks: times (s) of kinks or jumps, in addition to ``function.breaks`` if it exists.
-        name: name of the function, for messages.
-        spacing: interval (s) of the comparison, increased to limit it to 20 000 instants; None
-            for no comparison.
     """
     allowed = max(relative * _SHARE, _LEAST)
     follower = _Follower(function, duration, columns, allowed, name)

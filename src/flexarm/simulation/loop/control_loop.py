@@ -126,11 +126,7 @@ def misfits(
     contacts: int,
     called: str = "",
 ) -> list[Problem]:
-    """Return the requirements of a controller that are not met, one problem each.
-
-    Faults of instruments at channels that the arm does not have, and sample times of instruments
-    that do not fit the controller, are among them.
-    """
+    """Return the requirements of a controller that are not met, one problem each."""
     requirements = requirements_of(controller, arm, reference)
     called = called or type(controller).__name__
     if requirements.joints not in (None, arm.joints):

@@ -112,12 +112,7 @@ class PlantLoop:
         self._begin = self._heard = 0.0
 
     def run(self, samples: int) -> xr.Dataset:
-        """Run for a number of samples.
-
-        Raises:
-            SimulationError: if the plant or the controller fails, or the controller is silent;
-                its ``result`` is the result so far.
-        """
+        """Run for a number of samples."""
         if self._paced:  # the first step of a process loads compiled functions
             with warnings.catch_warnings(), suppress(FlexarmError):  # the plant repeats them
                 warnings.simplefilter("ignore")
@@ -234,12 +229,7 @@ class ControllerLoop:
         self._counts = {f"packets_{name}": 0 for name in names}
 
     def run(self) -> xr.Dataset:
-        """Answer packets until the plant ends the run.
-
-        Raises:
-            SimulationError: if the controller fails, a packet is wrong, or the plant is silent;
-                its ``result`` is the result so far.
-        """
+        """Answer packets until the plant ends the run."""
         self._controller.reset()
         self._until = self._clock.now() + self._timeout
         try:

@@ -363,10 +363,7 @@ class Watch:
         self._last = self._point(progress.time, progress.state)
 
     def jump(self, before: FloatArray, progress: Progress, tolerance: Tolerance) -> list[Found]:
-        """Continue the search after a jump of the state; log and return the events in it.
-
-        An event that ends the run is the last one.
-        """
+        """Continue the search after a jump of the state; log and return the events in it."""
         left = self._point(progress.time, before)
         self.go_on(progress, tolerance)
         right, found = self._last, []

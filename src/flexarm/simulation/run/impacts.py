@@ -107,10 +107,7 @@ def run_through_impacts(
 def run_to_slips(
     run: Run, history_of: Callable[[float], PiecewiseCubic], checkpoints: Checkpoints | None = None
 ) -> Beginning:
-    """Simulate under a torque; repeat the run with steps that end at its breaks to find slips.
-
-    The arguments, the returned object and the exceptions are those of ``run_through_impacts``.
-    """
+    """Simulate under a torque; repeat the run with steps that end at its breaks to find slips."""
     history = history_of(run.tolerance.relative)  # also sets the start of prescribed joints
     beginning = Beginning.of(run, history_of, checkpoints)
     run_open_loop(run, history, checkpoints)

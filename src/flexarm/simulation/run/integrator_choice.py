@@ -97,10 +97,7 @@ def choose_integrator(
     prescribed: tuple[int, ...] = (),
     duration: float = math.inf,
 ) -> Choice:
-    """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance.
-
-    The drive of the run and its sample time count in ``simulation.run.work``.
-    """
+    """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance."""
     check_integrator(requested, step, touch > 0.0)
     _refuse_unfollowed(requested, step, arm)
     choice = _choose(requested, step, arm, tolerance, touch, prescribed, duration)
