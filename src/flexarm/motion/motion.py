@@ -570,12 +570,8 @@ def _quintic(first: JointState, last: JointState, width: Floats) -> Floats:
     angle = last.angle - (q + v + a)
     rate = h * last.rate - (v + 2.0 * a)
     bend = 0.5 * h**2 * last.acceleration - a
-    rows = [
-        (6.0 * angle - 3.0 * rate + bend) / h**5,
-        (-15.0 * angle + 7.0 * rate - 2.0 * bend) / h**4,
-        (10.0 * angle - 4.0 * rate + bend) / h**3,
-        0.5 * first.acceleration,
-        first.rate,
-        q,
-    ]
-    return np.stack(rows, axis=1)
+    fifth = (6.0 * angle - 3.0 * rate + bend) / h**5
+    fourth = (-15.0 * angle + 7.0 * rate - 2.0 * bend) / h**4
+    third = (10.0 * angle - 4.0 * rate + bend) / h**3
+    start = 0.5 * first.acceleration, first.rate, q
+    return np.stack([fifth, fourth, third, *start], axis=1)

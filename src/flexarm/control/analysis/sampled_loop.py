@@ -47,6 +47,8 @@ class Signal(NamedTuple):
 
 #: Instrument and its signal, with the factors of its faults.
 Reading = tuple[Instrument, Signal]
+#: Place in the state, number of frames, and size of each, of the memory of an instrument.
+Slot = tuple[int, int, int]
 
 
 class SampledPlant(NamedTuple):
@@ -65,11 +67,7 @@ class SampledPlant(NamedTuple):
 
 
 def sampled_plant(
-    A: FloatArray,
-    B: FloatArray,
-    readings: Sequence[Reading],
-    motors: Motors | None,
-    sample_time: float,
+    A: FloatArray, B: FloatArray, readings: list[Reading], motors: Motors | None, sample_time: float
 ) -> SampledPlant:
     """Sample a linear arm x' = A x + B (acting torque) exactly, with its hardware.
 
@@ -109,11 +107,11 @@ def sampled_plant(
     steps, outputs = [], []
     for k in range(period):
         now, shown = step.copy(), []
-        for reading, start, (count, width) in zip(readings, starts, slots, strict=False):
+        for reading, start, slot in zip(readings, starts.tolist(), slots, strict=False):
             signal = reading[1]
             exact = signal.D @ acting
             exact[:, : signal.C.shape[1]] += signal.C
-            shown.append(_read(reading[0], exact, now, int(start), count, width, k, sample_time))
+            shown.append(_read(reading[0], exact, now, (start, *slot), k, sample_time))
         steps.append(now)
         outputs.append(np.vstack(shown) if shown else np.zeros((0, size)))
     names = tuple(
@@ -146,17 +144,10 @@ def _slots(reading: Reading, sample_time: float) -> tuple[int, int]:
 
 
 def _read(
-    item: Instrument,
-    exact: FloatArray,
-    step: FloatArray,
-    start: int,
-    count: int,
-    width: int,
-    tick: int,
-    sample_time: float,
+    item: Instrument, exact: FloatArray, step: FloatArray, slot: Slot, tick: int, sample_time: float
 ) -> FloatArray:
     """Return the rows of a reading over the state; write its memory into ``step``."""
-    every, late = stride_and_delay(item, sample_time)
+    (start, count, width), (every, late) = slot, stride_and_delay(item, sample_time)
     p, size = len(exact), exact.shape[1]
     if tick % every:  # without a new frame, the last one remains
         frame = _places(width, start, size)

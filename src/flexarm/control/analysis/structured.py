@@ -13,6 +13,9 @@ from flexarm.control.analysis.sampled_loop import ComplexArray, response
 from flexarm.control.design.loop_shaping import Matrices, in_series
 from flexarm.control.hardware.measurement import FloatArray
 
+#: Lower and upper end.
+Interval = tuple[float, float]
+
 #: Iterations of the balancing. Each reduces the remaining error of typical matrices by a half.
 _BALANCES = 40
 #: Smallest norm of a block, relative to that of the matrix, so that logarithms are finite.
@@ -126,7 +129,7 @@ def dk_iteration(
     *,
     iterations: int,
     order: int,
-    band: tuple[float, float],
+    band: Interval,
     suboptimality: float,
     start: Matrices | None = None,
 ) -> RobustController:
@@ -230,11 +233,7 @@ def _in_balanced_coordinates(plant: Matrices) -> Matrices:
 
 
 def _fitted(
-    loop: ComplexArray,
-    blocks: Sequence[int],
-    omega: FloatArray,
-    order: int,
-    band: tuple[float, float],
+    loop: ComplexArray, blocks: Sequence[int], omega: FloatArray, order: int, band: Interval
 ) -> list[FloatArray]:
     """Return scalings, as logarithms, see `_magnitude`.
 

@@ -335,17 +335,11 @@ def _check_stable(argument: str, loop: FloatArray) -> None:
 
 
 def _unsolvable(argument: str) -> Problem:
-    rules = {
-        "acceptable": (
-            "gives no weight to an undamped mode, so the cost does not detect it",
-            (
-                "Add joint_angle, or the tip of two joints in a posture that is not straight; and "
-                "name no integral that the joints cannot control there."
-            ),
-        ),
-        "measured": ("does not detect an undamped mode", "Measure joint_angle."),
-    }
-    rule, hint = rules[argument]
+    rule, hint = "does not detect an undamped mode", "Measure joint_angle."
+    if argument == "acceptable":
+        rule = "gives no weight to an undamped mode, so the cost does not detect it"
+        hint = "Add joint_angle, or the tip of two joints in a posture that is not straight; and "
+        hint += "name no integral that the joints cannot control there."
     return Problem(argument, rule, hint=hint)
 
 

@@ -321,7 +321,7 @@ _of_arms: WeakKeyDictionary[Arm, AxialLoads] = WeakKeyDictionary()
 
 
 def closure_warning(arm: Arm, forces: FloatArray) -> str:
-    """Describe the largest force of a closure beside the buckling load of its links; "" if small."""
+    """Describe the largest force of a closure beside the buckling load of its links, or ""."""
     if arm.spec.theory != "linear" or not forces.size:
         return ""
     gains = dict.fromkeys(range(arm.links), 0.0)

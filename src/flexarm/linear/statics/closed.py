@@ -356,7 +356,7 @@ def _scaled_jacobian(arm: Arm, q: FloatArray) -> FloatArray:
 
 
 def _close(arm: Arm, q: FloatArray, movable: IntArray) -> float:
-    """Change q in the coordinates ``movable`` until the loops close; return the gap that is left."""
+    """Change q in the coordinates ``movable`` until the loops close; return the remaining gap."""
     sizes, rows = coordinate_sizes(arm)[movable], row_sizes(arm)
     ease = np.minimum(_FIRST * _ease(arm)[movable], 1.0)
     best, reached, stalled = np.inf, q.copy(), 0

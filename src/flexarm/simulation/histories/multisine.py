@@ -72,14 +72,9 @@ class Multisine:
             given = check_array("coefficients", given, shape).astype(np.complex128)
         if not given.size:
             raise InputError(Problem("coefficients", "must not be empty"))
-        values = {
-            "period": check_positive("period", self.period, "s"),
-            "harmonics": lines.astype(np.intp),
-            "coefficients": given,
-            "rise": check_nonnegative("rise", self.rise),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        period, rise = check_positive("period", self.period, "s"), self.rise
+        vars(self).update(period=period, rise=check_nonnegative("rise", rise))
+        vars(self).update(harmonics=lines.astype(np.intp), coefficients=given)
 
     def __repr__(self) -> str:
         low, high = self.frequency_hz[[0, -1]]

@@ -499,10 +499,5 @@ class PiecewiseCubic:
         """Return coefficients (pieces, 4, columns) of the same function over finer pieces."""
         c, x = self._pieces_at(breaks[:-1])
         c0, c1, c2, c3 = c.swapaxes(0, 1)
-        shifted = [
-            c0 + x * (c1 + x * (c2 + x * c3)),
-            c1 + x * (2.0 * c2 + 3.0 * x * c3),
-            c2 + 3.0 * x * c3,
-            c3,
-        ]
-        return np.stack(shifted, axis=1)
+        value, rate = c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + 3.0 * x * c3)
+        return np.stack([value, rate, c2 + 3.0 * x * c3, c3], axis=1)

@@ -367,7 +367,7 @@ class _Search:
         return min(rigid, _MOST_RIGID * self.arm.reach)
 
     def run(self, reduction: float) -> tuple[_Judged, _Judged]:
-        """Correct until the errors are small enough or stop decreasing; return best and rigid run."""
+        """Correct until errors are small enough or stop decreasing; return best and rigid run."""
         from scipy.linalg import solve
 
         damping, steps = _DAMPING, 0

@@ -342,15 +342,11 @@ class OwnController:
 
 
 def updated(
-    controller: Controller,
-    t: float,
-    measurement: Measurement,
-    reference: Reference | None,
-    joints: int,
+    law: Controller, t: float, readings: Measurement, reference: Reference | None, joints: int
 ) -> FloatArray:
     """Return the torques (joints,) of a controller; any number of them if ``joints`` is -1."""
     try:
-        given: Any = controller.update(t, measurement, reference)
+        given: Any = law.update(t, readings, reference)
     except Exception as error:
         reason = f"the controller failed with {type(error).__name__}: {error}"
         raise PartnerError(reason) from error

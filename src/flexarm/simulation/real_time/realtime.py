@@ -6,7 +6,7 @@ import copy
 import gc
 import math
 import warnings
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,6 @@ from flexarm.base.errors import (
 )
 from flexarm.control.contract.base import (
     Controller,
-    ControllerRequirements,
     Reference,
     check_controller,
     check_reference,
@@ -483,7 +482,7 @@ def _partner(
         return UdpController(address, Layout(shapes | motion), joints, clock)
     check_controller("controller", controller)
     needed = requirements_of(controller, plant.arm, reference)
-    problems = _missing("plant", "measure", controller, needed, shapes)
+    problems = _missing("plant", "measure", controller, needed.measured, shapes)
     h = plant.sample_time
     if abs(controller.sample_time - h) > _ROUNDING * h:
         rule = f"equal that of the plant ({h:g} s)"
@@ -496,15 +495,11 @@ def _partner(
 
 
 def _missing(
-    place: str,
-    verb: str,
-    controller: Controller,
-    needed: ControllerRequirements,
-    names: Collection[str],
+    place: str, verb: str, controller: Controller, read: Sequence[str], names: Collection[str]
 ) -> list[Problem]:
     """Return a problem for each required reading that is not among names."""
     kind = type(controller).__name__
-    lacking = [name for name in needed.measured if name not in names]
+    lacking = [name for name in read if name not in names]
     return [Problem(place, f"does not {verb} {name}, which {kind} reads") for name in lacking]
 
 
@@ -540,7 +535,7 @@ def _controller_loop(
         link = Link(length=1.0, flexible=False, mass_per_length=1.0)
         arm = Arm(links=[link] * max(1, sizes.get("joint_angle", (1,))[0]))
     needed = requirements_of(controller, arm, reference)
-    problems = _missing("readings", "contain", controller, needed, sizes)
+    problems = _missing("readings", "contain", controller, needed.measured, sizes)
     if 0 < len(sent) < len(REFERENCE):
         rule = f"contain all of {', '.join(REFERENCE)}, or none"
         problems.append(Problem("readings", rule, ", ".join(sent)))

@@ -13,9 +13,9 @@ from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import IntArray
 from flexarm.base.arguments import check_list_of, check_number
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.base.user_functions import call
@@ -76,7 +76,7 @@ def after_change(
     remaining: Arm,
     after: Arm,
     state: FloatArray,
-    free: NDArray[np.intp],
+    free: IntArray,
     impulse: FloatArray | float,
 ) -> ChangedState:
     """Return the state of an arm after its parameters have changed at one instant.
@@ -101,12 +101,7 @@ def after_change(
 
 
 def _jump(
-    arm: Arm,
-    q: FloatArray,
-    qd: FloatArray,
-    M: FloatArray,
-    missing: FloatArray,
-    free: NDArray[np.intp],
+    arm: Arm, q: FloatArray, qd: FloatArray, M: FloatArray, missing: FloatArray, free: IntArray
 ) -> FloatArray:
     """Return the jump of the free rates by a missing momentum (dof,); loops stay closed.
 
@@ -237,9 +232,7 @@ class ArmChanges:
         """Return whether a change is due at a time (s), up to rounding."""
         return self.next_time <= time * (1.0 + ROUNDING)
 
-    def apply(
-        self, time: float, state: FloatArray, free: NDArray[np.intp]
-    ) -> tuple[Arm, FloatArray]:
+    def apply(self, time: float, state: FloatArray, free: IntArray) -> tuple[Arm, FloatArray]:
         """Make the changes that are due at a time (s); return the arm and its state.
 
         All of them share one momentum balance, which does not depend on their order. The energy of

@@ -100,7 +100,21 @@ def choose_integrator(
     """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance."""
     check_integrator(requested, step, touch > 0.0)
     _refuse_unfollowed(requested, step, arm)
-    choice = _choose(requested, step, arm, tolerance, touch, prescribed, duration)
+    if isinstance(requested, Integrator):
+        choice = Choice(requested, "given by the user", insisted=True)
+    elif requested != "auto":
+        method = INTEGRATORS[requested](step=step)
+        choice = Choice(method, "named by the user", doubt=_smoothing_doubt(method, arm, tolerance))
+    elif step is not None:
+        method = RungeKutta4(step=step)
+        choice = Choice(method, "fixed step requested", by_drive=touch == 0.0)
+    elif arm.assembly.has_bristles:
+        reason = "order 5 with friction implicit: bristles of a sliding joint follow its rate too "
+        choice = Choice(KennedyCarpenter5(), f"{reason}fast for an explicit method", open=True)
+    else:
+        steep = _is_steep(arm, tolerance, touch, prescribed, duration)
+        choice = _by_stiffness(arm, tolerance, touch, steep)
+        choice = choice._replace(doubt=_smoothing_doubt(choice.integrator, arm, tolerance))
     choice = choice._replace(integrator=settling(choice.integrator, arm, tolerance, prescribed))
     # Strong damping limits an explicit step in the same way as a vibration.
     damping = float(arm.assembly.constants.damping.max(initial=0.0))
@@ -128,33 +142,6 @@ def settling(
     if rate * first * tolerance.relative <= _ESTIMATED:
         return method
     return replace(method, step=_SETTLING / rate)
-
-
-def _choose(
-    requested: str | Integrator,
-    step: float | None,
-    arm: Arm,
-    tolerance: Tolerance,
-    touch: float,
-    prescribed: tuple[int, ...],
-    duration: float,
-) -> Choice:
-    if isinstance(requested, Integrator):
-        return Choice(requested, "given by the user", insisted=True)
-    if requested == "auto":
-        if step is not None:
-            return Choice(RungeKutta4(step=step), "fixed step requested", by_drive=touch == 0.0)
-        if arm.assembly.has_bristles:
-            reason = "order 5 with friction implicit: bristles of a sliding joint follow its rate "
-            return Choice(
-                KennedyCarpenter5(), f"{reason}too fast for an explicit method", open=True
-            )
-        steep = _is_steep(arm, tolerance, touch, prescribed, duration)
-        choice = _by_stiffness(arm, tolerance, touch, steep)
-        return choice._replace(doubt=_smoothing_doubt(choice.integrator, arm, tolerance))
-    method = INTEGRATORS[requested](step=step)
-    doubt = _smoothing_doubt(method, arm, tolerance)
-    return Choice(method, "named by the user", doubt=doubt)
 
 
 def _refuse_unfollowed(requested: str | Integrator, step: float | None, arm: Arm) -> None:

@@ -64,6 +64,8 @@ _CHUNK = 4096
 #: Statuses that most calls return; attributes of an enumeration are slow.
 _DONE, _PAUSED = Status.DONE, Status.PAUSED
 
+#: Coordinates and rates, (dof,) each.
+State = tuple[FloatArray, FloatArray]
 #: Texts of warnings and their categories.
 Notices = list[tuple[str, type[FlexarmWarning]]]
 
@@ -79,11 +81,7 @@ def section_channels(forces: FloatArray) -> dict[str, FloatArray]:
 
 
 def failure_of(
-    status: Status,
-    time: float,
-    state: tuple[FloatArray, FloatArray],
-    reason: str = "",
-    hint: str = "",
+    status: Status, time: float, state: State, reason: str = "", hint: str = ""
 ) -> SimulationError:
     """Return the error for a run that ended at a time and state (q, qd) for the given reason."""
     reason = reason or status.sentence
@@ -452,7 +450,7 @@ class Run:
         """Return the error for a run that ended with a status or for the given reason."""
         return failure_of(status, self.progress.time, self.state(), reason, hint)
 
-    def state(self) -> tuple[FloatArray, FloatArray]:
+    def state(self) -> State:
         """Return the last valid state (q, qd)."""
         state = self.arm.unpadded(self.progress.state)
         return state[0], state[1]
