@@ -522,22 +522,21 @@ def _bent_by(
     moving: Motion, constraint: TipConstraint, window: float, order: int
 ) -> QuasiStaticReference:
     """Return the reference whose links bend under the rates and accelerations of a motion."""
-    pieces = [_piece(constraint, moving, a, b) for a, b in pairwise(moving.breaks)]
+    from scipy.interpolate import make_interp_spline
+
+    # Chebyshev-Lobatto spacing is dense at the ends, where the bending changes abruptly.
+    places = 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _INSTANTS)))
+    pieces = []
+    for a, b in pairwise(moving.breaks):
+        times = a + (b - a) * places
+        times[0], times[-1] = a, np.nextafter(b, -np.inf)
+        pieces.append(make_interp_spline(times, _bending(constraint, moving, times), k=5))
     span = moving.end_time - moving.start_time
     ends = (moving.start_time - span, moving.end_time + span)
     before, after = (_rest(constraint, moving, t) for t in ends)
     bends = (before, *pieces, after)
     fields = (window, order, moving, _WINDOWS[order], bends)
     return QuasiStaticReference(constraint.motion, constraint.arm, *fields)
-
-
-def _piece(constraint: TipConstraint, moving: Motion, a: float, b: float) -> BSpline:
-    from scipy.interpolate import make_interp_spline
-
-    # Chebyshev-Lobatto spacing is dense at the ends, where the bending changes abruptly.
-    times = a + (b - a) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _INSTANTS)))
-    times[0], times[-1] = a, np.nextafter(b, -np.inf)
-    return make_interp_spline(times, _bending(constraint, moving, times), k=5)
 
 
 def _rest(constraint: TipConstraint, moving: Motion, t: float) -> BSpline:

@@ -104,7 +104,9 @@ def robustness(
         check_single_rate(loop)
     _check_unstable_poles(loops)
     angles = np.unique(np.concatenate([frequency_grid(loop) for loop in loops]))
-    returned = np.array([_transfer(loop, angles) for loop in loops])
+    # Loop transfer (f, joints, joints) of each plant at the motors, for negative feedback.
+    inverse = np.linalg.inv([loop.sensitivity(np.exp(1j * angles)) for loop in loops])
+    returned = inverse - np.eye(inverse.shape[-1])
     root = np.linalg.cholesky(arms[0].rigid().mass_matrix(at))
     stable = all(growth_of(loop) <= 0.0 for loop in loops)
     mu = _bounds(returned, root, accepted) if stable else np.full((2, len(angles)), np.inf)
@@ -133,12 +135,6 @@ def _check_unstable_poles(loops: Sequence[SampledLoop]) -> None:
         hint = "Choose a posture in which gravity acts alike on all plants."
         rule = "have the same number of unstable poles"
         raise InputError(Problem("plants", rule, ", ".join(map(str, counts)), hint))
-
-
-def _transfer(loop: SampledLoop, angles: FloatArray) -> ComplexArray:
-    """Return the loop transfer (f, joints, joints) at the motors, for negative feedback."""
-    S = loop.sensitivity(np.exp(1j * angles))
-    return np.asarray(np.linalg.inv(S) - np.eye(S.shape[1]))
 
 
 def _bounds(returned: ComplexArray, root: FloatArray, accepted: float) -> FloatArray:

@@ -337,7 +337,10 @@ def assembled(
             raise _remaining(arm, q, "Check the lengths, or start from a posture that is closer.")
         q = bent
     J = _scaled_jacobian(arm, q)
-    _match_rates(arm, q, qd, movable)
+    sizes, ease = coordinate_sizes(arm), np.minimum(_FIRST * _ease(arm)[movable], 1.0)
+    to_rates = ease[:, None] * np.linalg.pinv(J[:, movable] * ease, rcond=_DEPENDENT)
+    qd[movable] -= sizes[movable] * (to_rates @ (J @ (qd / sizes)))
+    _refuse_rates(arm, "qd", J, qd, "Hold fewer joints.")
     scaled, freedom = J[:, rigid], rigid.size
     if scaled.size:
         freedom -= int(np.linalg.matrix_rank(scaled, tol=_DEPENDENT))
@@ -375,12 +378,3 @@ def _close(arm: Arm, q: FloatArray, movable: IntArray) -> float:
         q[movable] += sizes * step
     q[:] = reached
     return best
-
-
-def _match_rates(arm: Arm, q: FloatArray, qd: FloatArray, movable: IntArray) -> None:
-    """Change the rates ``movable`` as little as possible, so that the loops stay closed."""
-    sizes, J = coordinate_sizes(arm), _scaled_jacobian(arm, q)
-    ease = np.minimum(_FIRST * _ease(arm)[movable], 1.0)
-    to_rates = ease[:, None] * np.linalg.pinv(J[:, movable] * ease, rcond=_DEPENDENT)
-    qd[movable] -= sizes[movable] * (to_rates @ (J @ (qd / sizes)))
-    _refuse_rates(arm, "qd", J, qd, "Hold fewer joints.")

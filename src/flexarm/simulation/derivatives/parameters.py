@@ -462,7 +462,13 @@ def second_run(run: Run, settings: RunSettings) -> SecondRun | None:
     if not (met or slides(run)):
         return None
     if not integrator.adaptive:
-        return SecondRun(_with_half_the_step(run, settings), True, _DOUBTFUL_STEP)
+        search, method = run.default_step, settings.integrator
+        half = 0.5 * float((integrator.step if search is None else search.shortest) or 0.0)
+        if isinstance(method, Integrator):
+            halved = replaced(settings, integrator=replace(method, step=half))
+        else:
+            halved = replaced(settings, step=half)
+        return SecondRun(halved, True, _DOUBTFUL_STEP)
     tighter = used.relative * _RATIO >= _LEAST
     ratio = _RATIO if tighter else 1.0 / _RATIO
     if slides(run) and used.relative * _SLIDING >= _LEAST:
@@ -477,14 +483,6 @@ def _touches(run: Run) -> bool:
     if placed.body.size and np.any(contact_values(run.arm, placed, states)[..., GAP] < 0.0):
         return True
     return meets_stops(run)
-
-
-def _with_half_the_step(run: Run, settings: RunSettings) -> RunSettings:
-    search = run.default_step
-    half = 0.5 * float((run.integrator.step if search is None else search.shortest) or 0.0)
-    if isinstance(settings.integrator, Integrator):
-        return replaced(settings, integrator=replace(settings.integrator, step=half))
-    return replaced(settings, step=half)
 
 
 def state_errors(run: Run, slopes: FloatArray, times: FloatArray, others: FloatArray) -> FloatArray:

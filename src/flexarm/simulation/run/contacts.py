@@ -117,7 +117,9 @@ def refuse_pressing_outward(
     The check covers the times at which the path, computed with rigid links, is on a surface that
     the tip can contact. Other references pass unchecked.
     """
-    touching = [k for k, contact in enumerate(contacts) if _is_tip(arm, contact)]
+    end = float(arm.lengths[-1]) * (1.0 - SAME_PLACE)  # of the last link
+    stations = {k: one.station for k, one in enumerate(contacts) if one.link in (None, arm.links)}
+    touching = [k for k, station in stations.items() if station is None or station >= end]
     if not isinstance(reference, PressedMotion) or not touching:
         return
     reach, motion = arm.reach, reference.motion
@@ -136,10 +138,3 @@ def refuse_pressing_outward(
         value = f"({few(normals[first])}) at t = {times[first]:g} s, which points into it"
         hint = "Reverse the normal of pressed_motion."
         raise InputError(Problem("reference.normal", rule, value, hint))
-
-
-def _is_tip(arm: Arm, contact: Contact) -> bool:
-    """Return whether the contact point is the tip of the arm."""
-    last = float(arm.lengths[-1])
-    there = contact.station is None or contact.station >= last * (1.0 - SAME_PLACE)
-    return contact.link in (None, arm.links) and there

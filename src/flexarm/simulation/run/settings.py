@@ -143,21 +143,16 @@ class RunSettings:
             if own[name] is not None:
                 own[name] = check_positive(name, own[name])
         if self.accuracy is not None:
-            self._check_accuracy()
+            for name in (name for name in _TOLERANCES if own[name] is not None):
+                raise InputError(Problem("accuracy", f"cannot be combined with {name}"))
+            method = self.integrator
+            kind = INTEGRATORS.get(method) if isinstance(method, str) else method
+            if kind is not None and not kind.adaptive:
+                rule = f"is not supported with the integrator {kind.name!r}, which has no step "
+                raise InputError(Problem("accuracy", f"{rule}control"))
         own["stations"] = check_count("stations", self.stations, 0, MOST_STATIONS)
         if self.stations == 1:
             raise InputError(Problem("stations", "be 0, or at least 2 (root and tip)", "1"))
-
-    def _check_accuracy(self) -> None:
-        """Raise if tolerances are given, too, or the method has no step control."""
-        stated = {name: getattr(self, name) is not None for name in _TOLERANCES}
-        for name in filter(stated.get, stated):
-            raise InputError(Problem("accuracy", f"cannot be combined with {name}"))
-        method = self.integrator
-        kind = INTEGRATORS.get(method) if isinstance(method, str) else method
-        if kind is not None and not kind.adaptive:
-            rule = f"is not supported with the integrator {kind.name!r}, which has no step control"
-            raise InputError(Problem("accuracy", rule))
 
 
 def replaced(settings: RunSettings, **changed: Any) -> RunSettings:

@@ -21,7 +21,6 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.integrate import Integrator, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Status, System, Tolerance
-from flexarm.model import Joint
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.integrator_choice import (
     Choice,
@@ -109,7 +108,8 @@ def choose_by_samples(
     """Return the integrator of a sampled loop, whose torques are not known in advance."""
     if choice.insisted:
         return choice
-    rough = rough or any(map(_pushes, arm.spec.joints))
+    pushing = ((one.friction, one.limits, one.backlash) for one in arm.spec.joints)
+    rough = rough or any(own or stops or slack > 0.0 for own, stops, slack in pushing)
     limit = _SAMPLED * max(1.0, (RTOL / tolerance.relative) ** 0.2)
     phase = choice.fastest * sample_time
     if choice.open and phase > (_SAMPLED_ROUGH if rough else min(limit, _SAMPLED_ROUGH)):
@@ -125,11 +125,6 @@ def choose_by_samples(
         modes = arm.assembly.constants.mode[:, :, 0].size
         _refuse(choice.integrator, work, implicit, duration, modes)
     return choice
-
-
-def _pushes(joint: Joint) -> bool:
-    """Return whether a joint has friction, stops or backlash."""
-    return joint.friction is not None or joint.limits is not None or joint.backlash > 0.0
 
 
 def _implicit(start: Start) -> Integrator:
