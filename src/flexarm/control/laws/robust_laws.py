@@ -221,20 +221,15 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
     analytic = True
     references: ClassVar[str] = "SkogestadPostlethwaite2005 CollinsKingBernstein1992"
 
-    def _check_bandwidth(self, sample_time: float) -> None:
-        """Raise if the bandwidth is too low or too high for a sample time (s)."""
+    def _design_for(self, sample_time: float) -> None:
         bandwidth = np.asarray(self.bandwidth)
         low, high = _LEAST_ANGLE / sample_time, _LARGEST_ANGLE / sample_time
-        if low <= bandwidth.min() and bandwidth.max() <= high:
-            return
-        rule = f"be {low:.3g} to {high:.3g} rad/s at this sample_time"
-        least, most = _LEAST_ANGLE / bandwidth.min(), _LARGEST_ANGLE / bandwidth.max()
-        hint = f"For this bandwidth, sample_time can be {least:.3g} to {most:.3g} s."
-        hint = hint if least < most else "Its values differ too much."
-        raise InputError(Problem("bandwidth", rule, few(bandwidth), hint))
-
-    def _design_for(self, sample_time: float) -> None:
-        self._check_bandwidth(sample_time)
+        if not (low <= bandwidth.min() and bandwidth.max() <= high):
+            rule = f"be {low:.3g} to {high:.3g} rad/s at this sample_time"
+            least, most = _LEAST_ANGLE / bandwidth.min(), _LARGEST_ANGLE / bandwidth.max()
+            hint = f"For this bandwidth, sample_time can be {least:.3g} to {most:.3g} s."
+            hint = hint if least < most else "Its values differ too much."
+            raise InputError(Problem("bandwidth", rule, few(bandwidth), hint))
         if not hasattr(self, "mu"):  # once, at the construction
             arm = self.arm
             for name, without, missing in (
@@ -246,10 +241,10 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
                     warn_caller(text, FlexarmWarning)
         self._sample_time = sample_time
         with one_warning() as bent:
-            numbers = np.asarray(self.posture), np.asarray(self.bandwidth)
             plant = uncertain_plant(
                 self.arm,
-                *numbers,
+                np.asarray(self.posture),
+                bandwidth,
                 rigidity=self.rigidity_uncertainty,
                 payload=self.payload_uncertainty,
                 sensitivity=self.sensitivity,

@@ -64,19 +64,16 @@ class SlidingVariable:
         self._gauge = np.zeros(arm.joints, dtype=np.intp)
         self._per_strain = np.zeros(arm.joints)
         self._fed = bool(np.any(self.strain_gain > 0.0))
-        for joint in np.flatnonzero(self.strain_gain > 0.0):
-            self._find_gauge(arm, int(joint))
+        for joint in np.flatnonzero(self.strain_gain > 0.0).tolist():  # the gauge nearest the root
+            link = arm.joint_numbers[joint] - 1
+            own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
+            if not own:
+                rule = f"be 0 at joint {link + 1} (its link has no gauge off the neutral axis)"
+                value = shown(float(self.strain_gain[joint]))
+                raise InputError(Problem("strain_gain", rule, value))
+            self._gauge[joint] = min(own)[1]
+            self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
         self.reset(1.0)
-
-    def _find_gauge(self, arm: Arm, joint: int) -> None:
-        """Select the gauge nearest to the root of the joint's link."""
-        link = arm.joint_numbers[joint] - 1
-        own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
-        if not own:
-            rule = f"be 0 at joint {link + 1} (its link has no gauge off the neutral axis)"
-            raise InputError(Problem("strain_gain", rule, shown(float(self.strain_gain[joint]))))
-        self._gauge[joint] = min(own)[1]
-        self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
 
     def requirements(self, arm: Arm) -> ControllerRequirements:
         """Return the requirements of a controller of ``arm``."""

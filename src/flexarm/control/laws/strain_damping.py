@@ -191,7 +191,10 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         """Return the inputs of the inner controller, and the nominal motion with its strains."""
         nominal = self._nominal.at(t, reference)
         if reference is not self._followed:
-            self._followed, self._along = reference, self._strains_along(reference)
+            self._followed, self._along = reference, None
+            if _bends(reference):  # it computes its strains
+                strains = StrainsAlong(reference, self._strains)
+                self._along = SampledFeedforward(strains, self.sample_time)
         if self._along is None:
             strain = nominal.shown + applied(self._bend, nominal.missing)
         else:
@@ -210,12 +213,6 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         shifted["reference_rate"] = inputs["outer_rate"] + motion[m:]
         inside, torque = self._inner_step(memory, readings, shifted)
         return {"state": applied(self._A, state) + applied(self._B, strain), **inside}, torque
-
-    def _strains_along(self, reference: Reference | None) -> SampledFeedforward | None:
-        """Return the strains of a reference that computes them, as a function of time."""
-        if not _bends(reference):
-            return None
-        return SampledFeedforward(StrainsAlong(reference, self._strains), self.sample_time)
 
     @public_call
     def strain_correction(self, t: ArrayLike, reference: Reference) -> FloatArray:

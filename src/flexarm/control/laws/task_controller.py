@@ -98,7 +98,14 @@ class TaskController(OfArm, Controller):
         request = self._request(after, inputs)
         state = self._task.at(angle, rate)
         if not (request.normal_x or request.normal_y):
-            return after, self._joints_follow(request, state, angle, rate)
+            # A motion without force: computed torque, regular at any posture.
+            w = self._posture_frequency
+            desired = request.acceleration + w * w * (request.angle - angle)
+            desired += 2.0 * w * (request.rate - rate)
+            torque: FloatArray = state.mass.dot(desired)
+            torque += state.bias_torque
+            torque += request.pressing
+            return after, torque
         now = TaskSample(after, inputs, request, state, readings)
         acceleration, force = self._law(now)
         posture = self._posture(request, angle, rate)
@@ -111,18 +118,6 @@ class TaskController(OfArm, Controller):
     @abstractmethod
     def _law(self, now: TaskSample) -> TipLaw:
         """Return the acceleration and the force of a reference that presses on a surface."""
-
-    def _joints_follow(
-        self, request: TaskReference, state: TaskState, angle: FloatArray, rate: FloatArray
-    ) -> FloatArray:
-        """Return the torque of a motion without force: computed torque, regular at any posture."""
-        w = self._posture_frequency
-        desired = request.acceleration + w * w * (request.angle - angle)
-        desired += 2.0 * w * (request.rate - rate)
-        torque: FloatArray = state.mass.dot(desired)
-        torque += state.bias_torque
-        torque += request.pressing
-        return torque
 
     def _posture(self, request: TaskReference, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return joint accelerations (joints,), with posture control of more than two joints."""

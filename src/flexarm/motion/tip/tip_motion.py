@@ -103,7 +103,13 @@ class TipMotion(PathMotion):
         """Return the postures along the path and their derivatives."""
         angles = self.posture(s)
         tip = self.tip_path.at(s)
-        slope, curve = _path_derivatives(self.chain.lengths, angles, tip.slope, tip.curve)
+        jacobian = tip_jacobian(self.chain.lengths, angles)
+        inverse = _pseudo_inverse(jacobian)
+        slope = _times(inverse, tip.slope)
+        turning = tip_jacobian_rate(self.chain.lengths, angles, slope)
+        idle = _times(_transposed(turning), _times(_transposed(inverse), slope))
+        idle -= _times(inverse, _times(jacobian, idle))
+        curve = idle + _times(inverse, tip.curve - _times(turning, slope))
         return JointState(angles - self.chain.offset, slope, curve)
 
 
@@ -196,19 +202,6 @@ class SingularPathError(Exception):
         super().__init__(s, posture)
         self.s = s
         self.posture = posture
-
-
-def _path_derivatives(
-    lengths: Floats, angles: Floats, way: Floats, bend: Floats
-) -> tuple[Floats, Floats]:
-    """Return dq/ds and d2q/ds2 (T, n) at ``angles`` (T, n), from dp/ds and d2p/ds2 (T, 2)."""
-    jacobian = tip_jacobian(lengths, angles)
-    inverse = _pseudo_inverse(jacobian)
-    slope = _times(inverse, way)
-    turning = tip_jacobian_rate(lengths, angles, slope)
-    idle = _times(_transposed(turning), _times(_transposed(inverse), slope))
-    idle -= _times(inverse, _times(jacobian, idle))
-    return slope, idle + _times(inverse, bend - _times(turning, slope))
 
 
 def _two_link_path(chain: RigidChain, path: TipPath, elbow: str) -> Posture:

@@ -59,8 +59,10 @@ class ProgrammedSamples:
         if done:
             ends = np.cumsum([np.size(value) for value in memory.values()])[:-1]
             parts = np.split(program.numbers[program.memory], ends)
-            pairs = zip(memory.items(), parts, strict=False)
-            after = {name: _like(value, part) for (name, value), part in pairs}
+            after = {}  # in the shapes and with the types of the values before
+            for (name, value), part in zip(memory.items(), parts, strict=False):
+                array = np.asarray(value)
+                after[name] = part.reshape(array.shape).astype(array.dtype)[()]
             loop.controller._keep(after)
         return status, int(count[END])
 
@@ -108,12 +110,6 @@ def _reference(loop: ClosedLoop) -> Any:
     """Return the reference of the plans after the first sample."""
     reference = loop.sampled_reference
     return loop.controller._rest if reference is None else reference
-
-
-def _like(value: Any, numbers: FloatArray) -> Any:
-    """Return numbers in the shape and with the type of a value."""
-    array = np.asarray(value)
-    return numbers.reshape(array.shape).astype(array.dtype)[()]
 
 
 def _rows(planned: Any, times: FloatArray, law: Any, reference: Any) -> FloatArray:
