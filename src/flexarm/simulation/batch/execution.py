@@ -121,7 +121,6 @@ class Variations:
 def variations_of(
     arm: object,
     name: str,
-    *,
     torque: Any,
     controller: Any,
     reference: Any,

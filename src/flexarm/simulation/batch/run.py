@@ -318,18 +318,9 @@ def simulate_batch(
     names = _channels(channels)
     reduced = check_reductions(reductions, TAKEN)
     model = None if plant is None else check_kind("arm", arm, Arm)
-    own = variations_of(
-        arm if plant is None else plant,
-        "arm" if plant is None else "plant",
-        torque=torque,
-        controller=controller,
-        reference=reference,
-        hardware=hardware,
-        initial=initial,
-        initial_rate=initial_rate,
-        parameters=parameters,
-        seeds=seeds,
-    )
+    acting = torque, controller, reference, hardware, initial, initial_rate, parameters, seeds
+    name, given = ("arm", arm) if plant is None else ("plant", plant)
+    own = variations_of(given, name, *acting)
     first = own.arms[0]
     shared = Situation(arm=first, duration=duration, settings=checked, **options)
     own.check_events(shared.events)

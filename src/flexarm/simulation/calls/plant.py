@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, Unpack
 
 import numpy as np
@@ -126,17 +125,9 @@ class Plant:
         self.duration = math.inf if duration is None else check_positive("duration", duration)
         self._hardware, self._warn = hardware, check_flag("warn", warn)
         self._bending, self._tip = BendingWatch(arm), TipMotion(arm)
-        self._new_run = partial(
-            new_run,
-            arm,
-            settings=replaced(checked, specialized=compiled),
-            duration=self.duration,
-            sample_times=np.zeros(0),
-            spacing=self.sample_time,
-            environment=environment,
-            meter=Meter("stepping", False),
-            changes=changes,
-        )
+        settings, meter = replaced(checked, specialized=compiled), Meter("stepping", False)
+        span = settings, self.duration, np.zeros(0), self.sample_time
+        self._given = *span, environment, meter, None, changes
         self._reset(None, None, None)
         if self._loop.run.doubt and warn:
             warn_caller(self._loop.run.doubt, AccuracyWarning)
@@ -181,7 +172,7 @@ class Plant:
             check_count("seed", seed, least=0, most=2**63 - 1)
         if hardware is not None and seed is not None:
             hardware = hardware.replace(seed=seed)
-        run = self._new_run(state=state)
+        run = new_run(arm, state, *self._given)
         run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
         if initial is not None:
             warn_of_degrees(initial=arm.joint_angles(initial)[turning_joints(arm)])

@@ -173,20 +173,9 @@ class Situation:
     def new_run(self, meter: Meter) -> Run:
         """Create a run."""
         arm, state = self.simulated, self.start.copy()
-        log = event_log(arm, self.events)
-        run = new_run(
-            arm,
-            state,
-            self.settings,
-            duration=self.duration,
-            sample_times=self.times,
-            spacing=1.0 / self.settings.rate,
-            environment=self.environment,
-            meter=meter,
-            log=log,
-            changes=self.changes,
-            prescribed=tuple(self.prescribed or ()),
-        )
+        log, prescribed = event_log(arm, self.events), tuple(self.prescribed or ())
+        span = self.duration, self.times, 1.0 / self.settings.rate, self.environment, meter
+        run = new_run(arm, state, self.settings, *span, log, self.changes, prescribed)
         placed = run.loads.placed.contacts
         refuse_deep_start(arm, state, placed)
         refuse_pressing_outward(arm, self.contacts, placed, self.reference, self.duration)
@@ -368,7 +357,6 @@ def new_run(
     arm: Arm,
     state: FloatArray,
     settings: RunSettings,
-    *,
     duration: float,
     sample_times: FloatArray,
     spacing: float,
@@ -397,25 +385,14 @@ def new_run(
         given = duration, relative, touching, settings.breaks, spacing
         return load_history(arm, environment, *given)
 
+    samples = np.empty((len(sample_times), *state.shape))
+    span = Progress(0.0, state, 0.0), duration, horizon, sample_times, samples
+    loads = loads_of(relative_tolerance(settings, arm))
     return Run(
-        arm=arm,
-        choice=choice,
-        integrator=choice.integrator,
-        tolerance=tolerance,
-        progress=Progress(0.0, state, 0.0),
-        duration=duration,
-        horizon=horizon,
-        sample_times=sample_times,
-        samples=np.empty((len(sample_times), *state.shape)),
-        loads=loads_of(relative_tolerance(settings, arm)),
-        loads_of=loads_of,
-        meter=meter,
-        prescribed=prescribed,
-        stations=settings.stations,
+        *(arm, choice, choice.integrator, tolerance, *span, loads, meter, settings, prescribed),
         specialized=settings.specialized,
-        default_atol=settings.atol is None,
+        loads_of=loads_of,
         request=request,
-        promised=settings.accuracy is not None,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
         default_step=default_step(choice.integrator, tolerance),
         changes=arm_changes(arm, changes, duration, log),

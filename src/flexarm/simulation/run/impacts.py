@@ -99,7 +99,7 @@ def run_through_impacts(
         _compare_with_looser(run, beginning, allowed)
     elif stops or (impacts and not _agrees_with_looser(run, beginning, allowed)):
         _tighten(run, beginning)
-    elif not impacts and run.request is not None and not run.promised:
+    elif not impacts and run.request is not None and run.settings.accuracy is None:
         _compare_growth(run, beginning, run.request)
     return beginning
 

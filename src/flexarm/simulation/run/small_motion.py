@@ -40,20 +40,20 @@ def run_accurately(
     run: Run, history_of: Callable[[float], PiecewiseCubic], checkpoints: Checkpoints | None = None
 ) -> None:
     """Simulate under a torque; repeat the run if its motion is small beside the tolerance."""
-    tolerance = run.tolerance
+    tolerance, default = run.tolerance, run.settings.atol is None
     beginning = run_through_impacts(run, history_of, checkpoints)
     first = run.samples[: run.progress.sample]
     if not run.integrator.adaptive:
         run.doubt = run.doubt or _doubt_of_search(run, first)
         return
     steps = run.progress.steps
-    motion = small_motion(run.tolerance, tolerance.relative, run.default_atol, first, steps)
+    motion = small_motion(run.tolerance, tolerance.relative, default, first, steps)
     if motion is None:
         return
     fine = tolerance._replace(absolute=_REPEATED * tolerance.relative * motion)
     beginning.restore(run, beginning.choice, fine)
     run_through_impacts(run, history_of, checkpoints)
-    if not run.default_atol:
+    if not default:
         run.doubt = run.doubt or _doubt(tolerance, run, first, motion)
 
 

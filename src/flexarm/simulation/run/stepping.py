@@ -34,6 +34,7 @@ from flexarm.simulation.run.default_step import DefaultStep, default_step
 from flexarm.simulation.run.events import Found, Watch
 from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import RunSettings
 from flexarm.simulation.run.tolerance import for_arm
 
 #: Channels of the three section forces, in the order of the kernels.
@@ -145,8 +146,8 @@ class Run:
     samples: FloatArray
     loads: LoadHistory
     meter: Meter
+    settings: RunSettings
     prescribed: tuple[int, ...] = ()  # joints, from 1, whose motion is prescribed
-    stations: int = 0  # on each link, for section forces
     specialized: bool | None = None  # compile for this model size; None decides by remaining work
     watch: Watch | None = None  # search for events
     history: PiecewiseCubic | None = None  # of a run without a controller
@@ -155,9 +156,7 @@ class Run:
     doubt: str = ""  # warning that the result may be less accurate than the defaults promise
     notices: Notices = field(default_factory=list)  # warnings of the result
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
-    default_atol: bool = False  # whether the absolute tolerance is the default one
     request: float | None = None  # error over the reach; None if tolerances are given
-    promised: bool = False  # whether the request is the user's, which other runs verify
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
     environment: Environment = EMPTY  # source of ``loads``
@@ -194,7 +193,7 @@ class Run:
         system = self.system(PiecewiseCubic.constant(np.zeros(arm.joints)))
         wrench, motor = np.zeros((len(times), n, 3)), np.zeros((len(times), n))
         torques, closing = arm.padded_torque(given), np.zeros((len(times), arm.closure_rows + 1))
-        cuts = cuts_at(arm, self.stations) if self.stations else []
+        cuts = cuts_at(arm, self.settings.stations) if self.settings.stations else []
         sections = []  # the arm cut at one station of each link, with the loads inboard of these
         for cut in cuts:
             inboard = loads_inboard(arm, self.loads.owners, self.loads.placed, cut.reach)
