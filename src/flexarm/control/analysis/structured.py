@@ -126,7 +126,6 @@ def dk_iteration(
     plant: Matrices,
     blocks: Sequence[int],
     omega: FloatArray,
-    *,
     iterations: int,
     order: int,
     band: Interval,

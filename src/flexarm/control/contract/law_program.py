@@ -179,16 +179,11 @@ def program_of(
         return None
     if any(ends[name].shape != np.shape(value) for name, value in memory.items()):
         return None
-    program = LawProgram(
-        code=np.array(tape.code, dtype=np.int64).reshape(-1, 5),
-        numbers=np.array(tape.numbers),
-        memory=_joined(before),
-        readings=_joined(sensed),
-        inputs=_joined(planned),
-        after=np.concatenate([np.zeros(0, np.int64), *(ends[name].ravel() for name in memory)]),
-        torque=torques.astype(np.int64),
-        kept=np.zeros(sum(np.size(value) for value in memory.values())),
-    )
+    code, kept = np.array(tape.code, dtype=np.int64).reshape(-1, 5), map(np.size, memory.values())
+    places = _joined(before), _joined(sensed), _joined(planned)
+    after_places = np.concatenate([np.zeros(0, np.int64), *(ends[k].ravel() for k in memory)])
+    outputs = after_places, torques.astype(np.int64), np.zeros(sum(kept))
+    program = LawProgram(code, np.array(tape.numbers), *places, *outputs)
     with np.errstate(all="ignore"):  # random numbers may be outside the range of a function
         return program if _is_equal(program, law, parts) else None
 

@@ -241,15 +241,9 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
                     warn_caller(text, FlexarmWarning)
         self._sample_time = sample_time
         with one_warning() as bent:
-            plant = uncertain_plant(
-                self.arm,
-                np.asarray(self.posture),
-                bandwidth,
-                rigidity=self.rigidity_uncertainty,
-                payload=self.payload_uncertainty,
-                sensitivity=self.sensitivity,
-                sample_time=sample_time,
-            )
+            varied = self.rigidity_uncertainty, self.payload_uncertainty, self.sensitivity
+            point = np.asarray(self.posture), bandwidth
+            plant = uncertain_plant(self.arm, *point, *varied, sample_time)
         warn_of_first(bent)
         self._synthesise(plant)
         self.reset()
@@ -257,16 +251,10 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
     def _synthesise(self, plant: UncertainPlant) -> None:
         from scipy.signal import cont2discrete
 
-        found = dk_iteration(
-            plant.whole,
-            plant.blocks,
-            self._frequencies(plant),
-            iterations=self.iterations,
-            order=self.scaling_order,
-            band=(0.1 * float(np.min(np.asarray(self.bandwidth))), 0.5 / self.sample_time),
-            suboptimality=_SUBOPTIMALITY,
-            start=coprime_controller(*plant.nominal, 1.1)[:4],
-        )
+        search = self._frequencies(plant), self.iterations, self.scaling_order
+        band = 0.1 * float(np.min(np.asarray(self.bandwidth))), 0.5 / self.sample_time
+        start = coprime_controller(*plant.nominal, 1.1)[:4]
+        found = dk_iteration(plant.whole, plant.blocks, *search, band, _SUBOPTIMALITY, start)
         self.mu, self.gamma, self.history = found.mu, found.gamma, found.history
         A, B, C, D = found[:4]
         whole = A, B @ plant.shown, plant.root @ C, plant.root @ D @ plant.shown
@@ -343,7 +331,6 @@ def uncertain_plant(
     arm: Arm,
     posture: FloatArray,
     bandwidth: FloatArray,
-    *,
     rigidity: float,
     payload: float,
     sensitivity: float,

@@ -272,7 +272,13 @@ class ClosedLanes(Lanes):
             key = id(reference), sample_time
             if key not in self._references:
                 self._references[key] = sampled_reference(reference, sample_time, duration)
-            unstable = self._instability(k, arm, state)
+            # Equal loops are analysed once. Arms with changed parameters are not kept, so that
+            # another one may have the same id.
+            simulated = arm.spec if own.parameters else id(arm)
+            known = self._poles.setdefault((simulated, id(controller), id(reference)), {})
+            model, q = self._batch.model or arm, arm.unpadded(state[0])
+            analysed = model, arm, controller, reference, own.hardware, (), q, duration
+            unstable = instability(AnalysedLoop(*analysed), known)
         loop = LoopOfRun(controller, reference, self._references[key], hardware, unstable)
         return Ready(k, arm, state, loads, loop, (sample_time,))
 
@@ -281,17 +287,6 @@ class ClosedLanes(Lanes):
         longest = float(run.drive.controller.sample_time)
         choice = choose_by_samples(choice, run.arm, longest, self._shared.duration, tolerance)
         return choice._replace(doubt=friction_doubt(choice.integrator, run.arm, longest))
-
-    def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:
-        """Return the warning of an unstable loop; equal loops are analysed once."""
-        own = self._batch.runs
-        controller, reference = own.item("controllers", k), own.item("references", k)
-        # Arms with changed parameters are not kept, so that another one may have the same id.
-        simulated = arm.spec if own.parameters else id(arm)
-        known = self._poles.setdefault((simulated, id(controller), id(reference)), {})
-        model, q = self._batch.model or arm, arm.unpadded(state[0])
-        loop = model, arm, controller, reference, own.hardware, (), q, self._shared.duration
-        return instability(AnalysedLoop(*loop), known)
 
     def _carry(self, group: Group, looser: float = 1.0) -> None:
         advance = partial(self._stepper(group, looser).advance, group.method)

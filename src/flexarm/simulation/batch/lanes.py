@@ -251,13 +251,10 @@ class Lanes(ABC):
         """Return runs of one group at their start."""
         arms = [run.arm for run in (ready[:1] if self._arm else ready)]
         placed = [run.loads.placed for run in ready]
-        runs = lane_runs(
-            arms_of_runs(arms, placed, self._settings.atol, self._shared.duration),
-            np.array([run.state for run in ready]),
-            np.maximum(fastest, [run.touch for run in ready]),
-            np.full(len(ready), self._shared.duration),
-            self._times,
-        )
+        states, end = np.array([run.state for run in ready]), self._shared.duration
+        constants = arms_of_runs(arms, placed, self._settings.atol, end)
+        fastest, until = np.maximum(fastest, [run.touch for run in ready]), np.full(len(ready), end)
+        runs = lane_runs(constants, states, fastest, until, self._times)
         runs.clock[:, STEP] = [method.first_step(float(rate)) for rate in runs.fastest]
         return Group(method, sizes, ready, runs)
 
