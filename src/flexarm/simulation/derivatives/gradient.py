@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
+from typing import TYPE_CHECKING, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -193,7 +193,9 @@ class Repetition:
             found.append(np.concatenate(list(pool.map(of_block, self._blocks, sizes))).T)
         return np.concatenate(found)
 
-    def _of_block(self, weights: Weights, states: FloatArray, block: Block, count: int) -> Any:
+    def _of_block(
+        self, weights: Weights, states: FloatArray, block: Block, count: int
+    ) -> FloatArray:
         """Return the derivatives (count, samples) of the goal by ``states`` in some directions."""
         duals = Duals.of(states)
         duals.array[..., 1:] = block.state.array[..., 1:]
