@@ -67,8 +67,8 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
     },
     "plant.py": {
         (
-            "sample_times=np.zeros(0),",
-            "sample_times=np.zeros( 1),",
+            "span = settings, self.duration, np.zeros(0), self.sample_time",
+            "span = settings, self.duration, np.zeros( 1), self.sample_time",
         ): "the samples of such a run are not read",
     },
     "closed_lanes.py": {

@@ -107,11 +107,8 @@ class PressedMotion:
         self._given = (arm, motion, force, normal, times)
         self._bent = np.array([one.q for one in held])
         self.motion, self.friction = motion, friction
-        self.start_time, self.end_time, self.breaks = (
-            motion.start_time,
-            motion.end_time,
-            motion.breaks,
-        )
+        self.start_time, self.end_time = motion.start_time, motion.end_time
+        self.breaks = motion.breaks
         self.initial = held[0].q
         self._force, self._normal = force, normal
         self._first, self._last = float(times[0]), float(times[-1])
@@ -223,10 +220,12 @@ def pressed_motion(
     """
     motion = check_motion(motion, arm)
     end = check_positive("duration", motion.end_time if duration is None else duration)
-    if interval is None:
-        count = 1 + _intervals(arm, end)
-    else:
+    if interval is not None:
         count = min(max(int(np.ceil(end / interval)) + 1, _FEWEST_SAMPLES), _MOST_SAMPLES)
+    elif np.isfinite(rate := lowest_frequency(arm)):
+        count = 1 + int(np.clip(np.ceil(_PER_PERIOD * end * rate / (2.0 * np.pi)), _FEWEST, _MOST))
+    else:
+        count = 1 + _RIGID
     times = np.linspace(0.0, end, count)
     pressing = _over_time("force", force, check_nonnegative)
     outward = _over_time("normal", normal, check_direction)
@@ -234,14 +233,6 @@ def pressed_motion(
     found = PressedMotion(arm, motion, pressing, outward, times, friction)
     warn_of_bending(arm, found._bent)
     return found
-
-
-def _intervals(arm: Arm, end: float) -> int:
-    """Return the default number of intervals until a time (s)."""
-    rate = lowest_frequency(arm)
-    if not np.isfinite(rate):
-        return _RIGID
-    return int(np.clip(np.ceil(_PER_PERIOD * end * rate / (2.0 * np.pi)), _FEWEST, _MOST))
 
 
 def _refuse_across(
@@ -314,10 +305,9 @@ class _Search:
             if np.hypot(*missed) < self._close:
                 self._drift = angle - rigid - self._beside
                 self._beside = angle - rigid
-                rigid_counterpart = self._rigid.bias_force(
-                    self._rigid.rest(angle), np.zeros(self._rigid.dof)
-                )
-                pressing = rest.torque - rigid_counterpart[self._rigid.joint_index]
+                model = self._rigid
+                bias = model.bias_force(model.rest(angle), np.zeros(model.dof))
+                pressing = rest.torque - bias[model.joint_index]
                 return PressedPosture(angle, rest.torque, pressing, rest.q)
             if step.any():  # Broyden's update of the inverse Jacobian
                 gained = way @ (missed - before)
@@ -532,22 +522,21 @@ def _bent_by(
     moving: Motion, constraint: TipConstraint, window: float, order: int
 ) -> QuasiStaticReference:
     """Return the reference whose links bend under the rates and accelerations of a motion."""
-    pieces = [_piece(constraint, moving, a, b) for a, b in pairwise(moving.breaks)]
+    from scipy.interpolate import make_interp_spline
+
+    # Chebyshev-Lobatto spacing is dense at the ends, where the bending changes abruptly.
+    places = 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _INSTANTS)))
+    pieces = []
+    for a, b in pairwise(moving.breaks):
+        times = a + (b - a) * places
+        times[0], times[-1] = a, np.nextafter(b, -np.inf)
+        pieces.append(make_interp_spline(times, _bending(constraint, moving, times), k=5))
     span = moving.end_time - moving.start_time
     ends = (moving.start_time - span, moving.end_time + span)
     before, after = (_rest(constraint, moving, t) for t in ends)
     bends = (before, *pieces, after)
     fields = (window, order, moving, _WINDOWS[order], bends)
     return QuasiStaticReference(constraint.motion, constraint.arm, *fields)
-
-
-def _piece(constraint: TipConstraint, moving: Motion, a: float, b: float) -> BSpline:
-    from scipy.interpolate import make_interp_spline
-
-    # Chebyshev-Lobatto spacing is dense at the ends, where the bending changes abruptly.
-    times = a + (b - a) * 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _INSTANTS)))
-    times[0], times[-1] = a, np.nextafter(b, -np.inf)
-    return make_interp_spline(times, _bending(constraint, moving, times), k=5)
 
 
 def _rest(constraint: TipConstraint, moving: Motion, t: float) -> BSpline:

@@ -1,46 +1,22 @@
 """Motions of the joints and of the tip, inverse kinematics, and the rigid torques along them."""
 
-from flexarm.motion.dynamics.dynamics_along import RigidTorque, rigid_torque
-from flexarm.motion.geometry.inverse_kinematics import inverse_kinematics
-from flexarm.motion.motion import (
-    TIMING_LAWS,
-    JointMotion,
-    JointState,
-    Motion,
-    SampledMotion,
-    TimingLaw,
-    joint_motion,
-    quintic,
-    trapezoidal,
-)
-from flexarm.motion.shaping import ShapedMotion, SmoothedMotion, smoothed
-from flexarm.motion.tip.tip_motion import (
-    TipMotion,
-    circle_motion,
-    line_motion,
-    spline_motion,
-    via_point_motion,
-)
-
-__all__ = [
-    "TIMING_LAWS",
-    "JointMotion",
-    "JointState",
-    "Motion",
-    "RigidTorque",
-    "SampledMotion",
-    "ShapedMotion",
-    "SmoothedMotion",
-    "TimingLaw",
-    "TipMotion",
-    "circle_motion",
-    "inverse_kinematics",
-    "joint_motion",
-    "line_motion",
-    "quintic",
-    "rigid_torque",
-    "smoothed",
-    "spline_motion",
-    "trapezoidal",
-    "via_point_motion",
-]
+from flexarm.motion.dynamics.dynamics_along import RigidTorque as RigidTorque
+from flexarm.motion.dynamics.dynamics_along import rigid_torque as rigid_torque
+from flexarm.motion.geometry.inverse_kinematics import inverse_kinematics as inverse_kinematics
+from flexarm.motion.motion import TIMING_LAWS as TIMING_LAWS
+from flexarm.motion.motion import JointMotion as JointMotion
+from flexarm.motion.motion import JointState as JointState
+from flexarm.motion.motion import Motion as Motion
+from flexarm.motion.motion import SampledMotion as SampledMotion
+from flexarm.motion.motion import TimingLaw as TimingLaw
+from flexarm.motion.motion import joint_motion as joint_motion
+from flexarm.motion.motion import quintic as quintic
+from flexarm.motion.motion import trapezoidal as trapezoidal
+from flexarm.motion.shaping import ShapedMotion as ShapedMotion
+from flexarm.motion.shaping import SmoothedMotion as SmoothedMotion
+from flexarm.motion.shaping import smoothed as smoothed
+from flexarm.motion.tip.tip_motion import TipMotion as TipMotion
+from flexarm.motion.tip.tip_motion import circle_motion as circle_motion
+from flexarm.motion.tip.tip_motion import line_motion as line_motion
+from flexarm.motion.tip.tip_motion import spline_motion as spline_motion
+from flexarm.motion.tip.tip_motion import via_point_motion as via_point_motion

@@ -127,12 +127,8 @@ class TimingLaw:
         index = np.arange(pieces)
         first = self.on_pieces(index, np.zeros(pieces))
         last = self.on_pieces(index, np.diff(self.breaks))
-        ends = {
-            "s(0)": (first.s[0], 0.0),
-            "s'(0)": (first.ds[0], 0.0),
-            "s(1)": (last.s[-1], 1.0),
-            "s'(1)": (last.ds[-1], 0.0),
-        }
+        ends = {"s(0)": (first.s[0], 0.0), "s'(0)": (first.ds[0], 0.0)}
+        ends |= {"s(1)": (last.s[-1], 1.0), "s'(1)": (last.ds[-1], 0.0)}
         for k in range(pieces - 1):
             ends[f"s at the start of piece {k + 1}"] = (first.s[k + 1], last.s[k])
             ends[f"s' at the start of piece {k + 1}"] = (first.ds[k + 1], last.ds[k])
@@ -433,13 +429,7 @@ def joint_motion(
     angles = {k: check_array(k, v, (arm.joints,)) for k, v in (("start", start), ("end", end))}
     turning = turning_joints(arm)
     warn_of_degrees(**{name: values[turning] for name, values in angles.items()})
-    return JointMotion(
-        chain=chain,
-        **angles,
-        duration=duration,
-        law=law,
-        start_time=start_time,
-    )
+    return JointMotion(chain=chain, **angles, duration=duration, law=law, start_time=start_time)
 
 
 def check_motion(motion: object, arm: Arm | None = None) -> Motion:
@@ -561,11 +551,7 @@ def _nodes(start: float, end: float, rate: float) -> Floats:
 
 
 def quintic_table(edges: Floats, first: JointState, last: JointState, rests: Floats) -> PPoly:
-    """Return polynomials of degree 5 between rest before and rest after a motion.
-
-    ``first`` and ``last`` (k, n) are values at the start and at the end of each interval between
-    the edges (k + 1,) s, ``rests`` (2, n) rad the angles before and after the motion.
-    """
+    """Return polynomials of degree 5 between rest before and rest after a motion."""
     from scipy.interpolate import PPoly
 
     constant = np.zeros((2, 6, rests.shape[1]))
@@ -584,12 +570,8 @@ def _quintic(first: JointState, last: JointState, width: Floats) -> Floats:
     angle = last.angle - (q + v + a)
     rate = h * last.rate - (v + 2.0 * a)
     bend = 0.5 * h**2 * last.acceleration - a
-    rows = [
-        (6.0 * angle - 3.0 * rate + bend) / h**5,
-        (-15.0 * angle + 7.0 * rate - 2.0 * bend) / h**4,
-        (10.0 * angle - 4.0 * rate + bend) / h**3,
-        0.5 * first.acceleration,
-        first.rate,
-        q,
-    ]
-    return np.stack(rows, axis=1)
+    fifth = (6.0 * angle - 3.0 * rate + bend) / h**5
+    fourth = (-15.0 * angle + 7.0 * rate - 2.0 * bend) / h**4
+    third = (10.0 * angle - 4.0 * rate + bend) / h**3
+    start = 0.5 * first.acceleration, first.rate, q
+    return np.stack([fifth, fourth, third, *start], axis=1)

@@ -83,11 +83,7 @@ def _slope(damping_ratio: float) -> float:
 def specified_insensitivity(
     damping_ratio: float, tolerance: float, insensitivity: float
 ) -> Impulses:
-    """Return the shortest positive impulses with a limited residual in a range; (C.16).
-
-    ``tolerance`` is the largest residual in the range, ``insensitivity`` its width relative to the
-    design frequency, its middle. InputError if no impulses were found.
-    """
+    """Return the shortest positive impulses with a limited residual in a range; (C.16)."""
     from scipy.optimize import minimize
 
     start = _undamped(tolerance, insensitivity)
@@ -275,25 +271,20 @@ class ShapedMotion(DerivedMotion):
         phase = self.clock.phase(np.where(finite, times, 0.0))
         for k, share in enumerate(self.amplitudes[1:], start=1):
             own = np.where(finite, self.clock.time(phase - self.phases[k]), times)
-            own = self._beside_breaks(times, own, k)
+            breaks, images = np.array(self.motion.breaks), self._images[k]
+            piece = np.searchsorted(images, times, side="right")
+            least = np.concatenate([[-np.inf], breaks])[piece]
+            most = np.concatenate([np.nextafter(breaks, -np.inf), [np.inf]])[piece]
+            own = np.clip(own, least, most)
             then = self.clock.rate(own)
             speed = now / then
             bend = (slope - self.clock.rate(own, 1) * speed**2) / then
             state = self.motion.at(own)
             total[0] += share * state.angle
             total[1] += share * state.rate * speed[:, None]
-            total[2] += share * (
-                state.acceleration * speed[:, None] ** 2 + state.rate * bend[:, None]
-            )
+            bent = state.acceleration * speed[:, None] ** 2
+            total[2] += share * (bent + state.rate * bend[:, None])
         return JointState(*total)
-
-    def _beside_breaks(self, times: Floats, own: Floats, k: int) -> Floats:
-        """Correct rounding that moves a time across a break of the original."""
-        breaks, images = np.array(self.motion.breaks), self._images[k]
-        piece = np.searchsorted(images, times, side="right")
-        least = np.concatenate([[-np.inf], breaks])[piece]
-        most = np.concatenate([np.nextafter(breaks, -np.inf), [np.inf]])[piece]
-        return np.clip(own, least, most)
 
 
 #: Gauss points between two breaks: exact to rounding for motions that are smooth there.
@@ -357,11 +348,7 @@ class SmoothedMotion(DerivedMotion):
 def window_points(
     times: Floats, breaks: Sequence[float], window: tuple[float, float], count: int
 ) -> tuple[Floats, Floats]:
-    """Return ages (T, k) s of Gauss points over a window before each time, and their shares.
-
-    ``breaks`` (b,) s are where the averaged function is not smooth, ``window`` the first and last
-    age (s), ``count`` the points between two breaks. The sum of the shares (T, k) is 1.
-    """
+    """Return ages (T, k) s of Gauss points over a window before each time, and their shares."""
     ago = np.clip(times[:, None] - np.array(breaks), *window)
     edges = np.sort(np.pad(ago, ((0, 0), (1, 1)), constant_values=((0, 0), window)))
     nodes, weights = np.polynomial.legendre.leggauss(count)

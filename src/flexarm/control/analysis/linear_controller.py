@@ -89,15 +89,6 @@ def linear_controller(
     """Linearise a law about a constant measurement, after a first sample with it.
 
     Differences are relative to the size of a number, so that they do not depend on units.
-
-    Args:
-        controller: controller with a ``step``; it is not modified.
-        measured: the readings by name, in the order of the columns of B and D.
-        reference: constant reference, see `FrozenReference`; None for none.
-        t: time of the update, s.
-        signals: what the readings measure, by name, if it is not the name. Angles and strains have
-            the size one, rates that in 1000 samples, and others that of the largest number of the
-            reading. Memory has the size of its change by the readings.
     """
     law = deepcopy(controller)
     law.reset()
@@ -198,15 +189,13 @@ class StepMap:
     def slope(self) -> FloatArray:
         """Return the derivatives (m, n) at the point, exact to rounding, by complex numbers."""
         values = self(self.point + _TINY * 1j * np.eye(self.point.size))
-        slope: FloatArray = values.imag.T / _TINY
-        return slope
+        return np.asarray(values.imag.T / _TINY)
 
     def linear(self, slope: FloatArray) -> LinearController:
         """Return derivatives (m, n) as matrices."""
         n, after = self._count, len(slope) - self._joints
-        return LinearController(
-            slope[:after, :n], slope[:after, n:], slope[after:, :n], slope[after:, n:]
-        )
+        rows = slope[:after], slope[after:]
+        return LinearController(*(part for row in rows for part in (row[:, :n], row[:, n:])))
 
     def _at(self, x: Any) -> Any:
         """Return the values at a point (n,), or at many (p, n) in one call of the law."""

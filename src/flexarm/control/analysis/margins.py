@@ -70,20 +70,7 @@ def loop_at(
     reference: Reference | None = None,
     t: float = 0.0,
 ) -> SampledLoop:
-    """Return the linear sampled loop around an arm at rest in a posture (joints,) rad.
-
-    Args:
-        controller: controller with a ``step``.
-        plant: the arm; None for the model of the controller.
-        posture: (joints,) rad.
-        hardware: instruments and motors; None for exact ones.
-        contacts: surfaces.
-        reference: reference whose values at time t (s) are kept constant; None for rest.
-
-    Raises:
-        InputError: if the arm does not have a signal.
-        EquilibriumError: if the arm has no equilibrium at the posture.
-    """
+    """Return the linear sampled loop around an arm at rest in a posture (joints,) rad."""
     own = getattr(controller, "arm", None)
     own = own if isinstance(own, Arm) else None
     arm = plant if plant is not None else own
@@ -92,9 +79,8 @@ def loop_at(
     instruments = instruments_of(arm, hardware, len(contacts))
     if hardware is None or hardware.instruments is None:
         names = [item.output for item in instruments]
-        more = [
-            name for name in requirements_of(controller, arm, still).measured if name not in names
-        ]
+        reads = requirements_of(controller, arm, still).measured
+        more = [name for name in reads if name not in names]
         instruments += [Instrument(signal=name) for name in more if name in CHANNEL_OUTPUTS]
     signals = signals_of(instruments)
     rate, (arm, mine_of) = sliding(controller, reference, arm, own if own is not None else arm)
@@ -225,11 +211,7 @@ def without_friction(contacts: Sequence[Contact]) -> list[Contact]:
 
 
 def check_single_rate(loop: SampledLoop) -> None:
-    """Raise if an instrument of a loop has its own sample time.
-
-    Raises:
-        InputError: in this case, because the loop is periodic.
-    """
+    """Raise if an instrument of a loop has its own sample time, which makes the loop periodic."""
     if len(loop.plant.A) > 1:
         rule = "has instruments with their own sample_time, which is not supported"
         raise InputError(Problem("hardware", rule))
@@ -240,11 +222,7 @@ def plants_of(
     plants: Arm | Sequence[Arm] | Mapping[str, Arm] | None,
     name: str = "plants",
 ) -> dict[str, Arm]:
-    """Return the arms by name, after checking them and the controller.
-
-    Raises:
-        InputError: if the controller has no ``step``, or an arm does not fit it.
-    """
+    """Return the arms by name, after checking them and the controller."""
     check_controller("controller", controller)
     if not has_poles(controller):
         rule = "has no step, which poles and margins need"
@@ -272,11 +250,7 @@ def plants_of(
 
 
 def named_arms(plants: object) -> dict[str, Arm]:
-    """Return arms by name; arms without a name are numbered from 1.
-
-    Raises:
-        InputError: if ``plants`` is not an arm, or a nonempty list or mapping of arms.
-    """
+    """Return arms by name; arms without a name are numbered from 1."""
     if isinstance(plants, Mapping):
         named = {str(name): arm for name, arm in plants.items()}
     else:
@@ -335,8 +309,7 @@ def _of_joint(
     """Return the margins of the loop opened at one joint."""
 
     def returned(at: FloatArray) -> ComplexArray:
-        now: ComplexArray = 1.0 / _at(loop, at)[:, joint, joint] - 1.0
-        return now
+        return np.asarray(1.0 / _at(loop, at)[:, joint, joint] - 1.0)
 
     L = 1.0 / S - 1.0
     turned = _crossings(angles, L.imag, lambda at: returned(at).imag)
@@ -347,13 +320,10 @@ def _of_joint(
     at = _crossings(angles, np.abs(L) - 1.0, lambda at: np.abs(returned(at)) - 1.0)
     phase = np.angle(-returned(at)) if at.size else np.zeros(0)
     lag = np.where(phase > 0.0, phase, phase + 2.0 * np.pi)
-    return (
-        float(more.min(initial=np.inf)),
-        float(less.max(initial=0.0)),
-        float(np.abs(phase).min(initial=np.pi)),
-        float((lag / np.maximum(at, 1e-300)).min(initial=np.inf)) * loop.sample_time,
-        2.0 / _largest(loop, joint, angles, np.abs(2.0 * S - 1.0)),
-    )
+    gains = float(more.min(initial=np.inf)), float(less.max(initial=0.0))
+    delay = float((lag / np.maximum(at, 1e-300)).min(initial=np.inf)) * loop.sample_time
+    disk = 2.0 / _largest(loop, joint, angles, np.abs(2.0 * S - 1.0))
+    return *gains, float(np.abs(phase).min(initial=np.pi)), delay, disk
 
 
 def _largest(loop: SampledLoop, joint: int, angles: FloatArray, size: FloatArray) -> float:
@@ -396,11 +366,7 @@ PHASE = 0.2
 
 
 def recommended_sample_time(arm: Arm, angles: FloatArray | None = None) -> float | None:
-    """Return the longest sample time (s) that suits one mode for each joint; None without modes.
-
-    Args:
-        angles: posture (joints,), rad; zero by default.
-    """
+    """Return the longest sample time (s) that suits one mode for each joint; None without modes."""
     found = modes(arm, angles).frequency_hz
     found = found[found > 0.0]
     mode = controlled_modes(arm, found)

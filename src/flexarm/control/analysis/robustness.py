@@ -104,7 +104,9 @@ def robustness(
         check_single_rate(loop)
     _check_unstable_poles(loops)
     angles = np.unique(np.concatenate([frequency_grid(loop) for loop in loops]))
-    returned = np.array([_transfer(loop, angles) for loop in loops])
+    # Loop transfer (f, joints, joints) of each plant at the motors, for negative feedback.
+    inverse = np.linalg.inv([loop.sensitivity(np.exp(1j * angles)) for loop in loops])
+    returned = inverse - np.eye(inverse.shape[-1])
     root = np.linalg.cholesky(arms[0].rigid().mass_matrix(at))
     stable = all(growth_of(loop) <= 0.0 for loop in loops)
     mu = _bounds(returned, root, accepted) if stable else np.full((2, len(angles)), np.inf)
@@ -126,24 +128,13 @@ def robustness(
 
 
 def _check_unstable_poles(loops: Sequence[SampledLoop]) -> None:
-    """Raise if plants have different numbers of poles outside the unit circle.
-
-    Raises:
-        InputError: in this case.
-    """
+    """Raise if plants have different numbers of poles outside the unit circle."""
     growth = [np.log(np.abs(np.linalg.eigvals(loop.plant.A[0])) + 1e-300) for loop in loops]
     counts = [int(np.sum(each > ROUNDED_GROWTH)) for each in growth]
     if len(set(counts)) > 1:
         hint = "Choose a posture in which gravity acts alike on all plants."
         rule = "have the same number of unstable poles"
         raise InputError(Problem("plants", rule, ", ".join(map(str, counts)), hint))
-
-
-def _transfer(loop: SampledLoop, angles: FloatArray) -> ComplexArray:
-    """Return the loop transfer (f, joints, joints) at the motors, for negative feedback."""
-    S = loop.sensitivity(np.exp(1j * angles))
-    found: ComplexArray = np.linalg.inv(S) - np.eye(S.shape[1])
-    return found
 
 
 def _bounds(returned: ComplexArray, root: FloatArray, accepted: float) -> FloatArray:
@@ -154,12 +145,9 @@ def _bounds(returned: ComplexArray, root: FloatArray, accepted: float) -> FloatA
     S = np.linalg.inv(np.eye(m) + centre)
     # The uncertainty acts on normalised torques, the sensitivity on those of the motors.
     inverse = np.linalg.inv(root)
-    whole = np.block(
-        [
-            [-right @ S @ left, right @ S @ inverse],
-            [-root @ S @ left / accepted, root @ S @ inverse / accepted],
-        ]
-    )
+    first = [-right @ S @ left, right @ S @ inverse]
+    second = [-root @ S @ left / accepted, root @ S @ inverse / accepted]
+    whole = np.block([first, second])
     stability = structured_bound(whole[:, :m, :m], [m])
     return np.array([stability, structured_bound(whole, [m, m])])
 
@@ -194,16 +182,14 @@ def _fourth_root(squares: ComplexArray) -> ComplexArray:
     values, vectors = np.linalg.eigh(squares)
     least = _FLAT * values[:, -1:] + np.finfo(float).tiny
     roots = np.maximum(values, least) ** 0.25
-    found: ComplexArray = (vectors * roots[:, None, :]) @ np.conj(np.swapaxes(vectors, -1, -2))
-    return found
+    return np.asarray((vectors * roots[:, None, :]) @ np.conj(np.swapaxes(vectors, -1, -2)))
 
 
 def _relative(returned: ComplexArray, root: FloatArray) -> FloatArray:
     """Return the largest relative change (f,) from the first loop; (C.149)."""
     change = np.linalg.solve(returned[0], returned) - np.eye(returned.shape[-1])
     normal = np.linalg.solve(root, change @ root)
-    found: FloatArray = np.linalg.svd(normal, compute_uv=False)[..., 0].max(axis=0)
-    return found
+    return np.asarray(np.linalg.svd(normal, compute_uv=False)[..., 0].max(axis=0))
 
 
 def fitted_weight(omega: FloatArray, size: FloatArray) -> tuple[dict[str, float], FloatArray]:
@@ -221,8 +207,7 @@ def fitted_weight(omega: FloatArray, size: FloatArray) -> tuple[dict[str, float]
     def magnitude(numbers: FloatArray) -> FloatArray:
         low, high, time = np.exp(numbers)
         ahead = 1j * time * omega
-        found: FloatArray = np.log(np.abs((low + ahead) / (1.0 + ahead / high)))
-        return found
+        return np.asarray(np.log(np.abs((low + ahead) / (1.0 + ahead / high))))
 
     middle = np.log(omega[int(np.argmax(wanted))])
     start = np.array([wanted[0], wanted.max(), -middle])
@@ -285,15 +270,10 @@ class SampledModel:
 
 
 class LoopModels(NamedTuple):
-    """The two parts of a sampled loop: the loop is closed with positive feedback.
+    """The two parts of a sampled loop: the loop is closed with positive feedback."""
 
-    Attributes:
-        plant: from the requested torques to the readings, with hold, motors and instruments.
-        controller: from the readings to the requested torques.
-    """
-
-    plant: SampledModel
-    controller: SampledModel
+    plant: SampledModel  # from the requested torques, by hold, motors and instruments, to readings
+    controller: SampledModel  # from the readings to the requested torques
 
 
 @public_call

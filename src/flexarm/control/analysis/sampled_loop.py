@@ -24,7 +24,7 @@ from flexarm.control.hardware.measurement import FloatArray, faulty, filter_of, 
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import OutputName, component_places, solved_each
 from flexarm.linear.statics.equilibrium import equilibrium
-from flexarm.model import Contact, Friction, Hardware, Instrument, InstrumentFault, Motors, Sensor
+from flexarm.model import Contact, Hardware, Instrument, InstrumentFault, Motors, Sensor
 
 #: Largest number of states, and largest period (samples) after which all instruments repeat.
 _MOST_STATES, _MOST_SAMPLES = 1000, 300
@@ -47,6 +47,8 @@ class Signal(NamedTuple):
 
 #: Instrument and its signal, with the factors of its faults.
 Reading = tuple[Instrument, Signal]
+#: Place in the state, number of frames, and size of each, of the memory of an instrument.
+Slot = tuple[int, int, int]
 
 
 class SampledPlant(NamedTuple):
@@ -65,19 +67,12 @@ class SampledPlant(NamedTuple):
 
 
 def sampled_plant(
-    A: FloatArray,
-    B: FloatArray,
-    readings: Sequence[Reading],
-    motors: Motors | None,
-    sample_time: float,
+    A: FloatArray, B: FloatArray, readings: list[Reading], motors: Motors | None, sample_time: float
 ) -> SampledPlant:
     """Sample a linear arm x' = A x + B (acting torque) exactly, with its hardware.
 
     The model includes delays, the motors' lag, and the frames and filtered rates of instruments. It
     excludes nonlinear effects (limits, resolution) and noise.
-
-    Raises:
-        InputError: if the period of the frames is too long, or delays require too many states.
     """
     motors = motors or Motors()
     m, lag = B.shape[1], motors.time_constant
@@ -112,11 +107,11 @@ def sampled_plant(
     steps, outputs = [], []
     for k in range(period):
         now, shown = step.copy(), []
-        for reading, start, (count, width) in zip(readings, starts, slots, strict=False):
+        for reading, start, slot in zip(readings, starts.tolist(), slots, strict=False):
             signal = reading[1]
             exact = signal.D @ acting
             exact[:, : signal.C.shape[1]] += signal.C
-            shown.append(_read(reading[0], exact, now, int(start), count, width, k, sample_time))
+            shown.append(_read(reading[0], exact, now, (start, *slot), k, sample_time))
         steps.append(now)
         outputs.append(np.vstack(shown) if shown else np.zeros((0, size)))
     names = tuple(
@@ -149,17 +144,10 @@ def _slots(reading: Reading, sample_time: float) -> tuple[int, int]:
 
 
 def _read(
-    item: Instrument,
-    exact: FloatArray,
-    step: FloatArray,
-    start: int,
-    count: int,
-    width: int,
-    tick: int,
-    sample_time: float,
+    item: Instrument, exact: FloatArray, step: FloatArray, slot: Slot, tick: int, sample_time: float
 ) -> FloatArray:
     """Return the rows of a reading over the state; write its memory into ``step``."""
-    every, late = stride_and_delay(item, sample_time)
+    (start, count, width), (every, late) = slot, stride_and_delay(item, sample_time)
     p, size = len(exact), exact.shape[1]
     if tick % every:  # without a new frame, the last one remains
         frame = _places(width, start, size)
@@ -171,10 +159,8 @@ def _read(
         frame = np.vstack([exact, forget * rate + per_change * (exact - last)])
     if count:
         step[start : start + width] = frame
-        for j in range(1, count):
-            step[start + j * width : start + (j + 1) * width] = _places(
-                width, start + (j - 1) * width, size
-            )
+        for first in range(start, start + (count - 1) * width, width):
+            step[first + width : first + 2 * width] = _places(width, first, size)
     return frame if late == 0 else _places(width, start + (late - 1) * width, size)
 
 
@@ -214,15 +200,13 @@ class SampledLoop:
         maps = self.matrices()
         z = np.linalg.eigvals(reduce(lambda done, now: now @ done, maps)).astype(complex)
         z = z ** (1.0 / len(maps))
-        found: ComplexArray = z[np.argsort(-np.abs(z))]
-        return found
+        return np.asarray(z[np.argsort(-np.abs(z))])
 
     def poles(self) -> ComplexArray:
         """Return the poles (k,), 1/s, slowest decay first: ``log(z) / sample_time``."""
         z = self.multipliers()
         # Multipliers of zero have no pole. They belong to states that no later sample uses.
-        poles: ComplexArray = np.log(z[np.abs(z) > _NONE]) / self.sample_time
-        return poles
+        return np.asarray(np.log(z[np.abs(z) > _NONE]) / self.sample_time)
 
     def sensitivity(self, z: ComplexArray) -> ComplexArray:
         """Return the input sensitivity (f, joints, joints) at points z (f,) of the complex plane.
@@ -247,8 +231,7 @@ def response(A: FloatArray, B: FloatArray, C: FloatArray, z: ComplexArray) -> Co
     if not len(A):
         return np.zeros((len(z), len(C), B.shape[1]), dtype=complex)
     shifted: ComplexArray = np.asarray(z[:, None, None] * np.eye(len(A)) - A, dtype=complex)
-    response: ComplexArray = C @ solved_each(shifted, B)
-    return response
+    return np.asarray(C @ solved_each(shifted, B))
 
 
 #: Factors on the rate, and weights of a mean that cancels terms of first to third order.
@@ -294,12 +277,12 @@ def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Slid
 def _sliding_rate(arm: Arm) -> float:
     """Return a rate (rad/s) above which dry friction is constant to 1e-7, or zero without it."""
     every = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
-    rates = [(10.0 * one.model_rate, 4.0 * one.stribeck_rate) for one in every if _is_dry(one)]
+    rates = [
+        (10.0 * one.model_rate, 4.0 * one.stribeck_rate)
+        for one in every
+        if any((one.coulomb, one.static, one.coulomb_negative))
+    ]
     return max((max(pair) for pair in rates), default=0.0)
-
-
-def _is_dry(friction: Friction) -> bool:
-    return any((friction.coulomb, friction.static, friction.coulomb_negative))
 
 
 def _without_dry_friction(arm: Arm) -> Arm:
@@ -308,13 +291,9 @@ def _without_dry_friction(arm: Arm) -> Arm:
         return arm
     dry = {"coulomb": 0.0, "static": None, "coulomb_negative": None}
     dry |= {"bristle_stiffness": None, "bristle_damping": 0.0}
-    joints = [
-        joint.replace(friction=joint.friction.replace(**dry))
-        if joint.friction is not None
-        else joint
-        for joint in arm.spec.joints
-    ]
-    return Arm(arm.spec.replace(joints=joints))
+    frictions = [joint.friction and joint.friction.replace(**dry) for joint in arm.spec.joints]
+    pairs = zip(arm.spec.joints, frictions, strict=True)
+    return Arm(arm.spec.replace(joints=[joint.replace(friction=own) for joint, own in pairs]))
 
 
 def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[Instrument]:
@@ -334,12 +313,7 @@ def signals_of(instruments: Sequence[Instrument]) -> list[OutputName]:
 def model_at(
     arm: Arm, posture: ArrayLike, signals: Sequence[OutputName], contacts: Sequence[Contact] = ()
 ) -> PlantModel:
-    """Linearise an arm at rest in a posture (joints,) rad.
-
-    Raises:
-        InputError: if the arm does not have a signal.
-        EquilibriumError: if the arm has no equilibrium at the posture.
-    """
+    """Linearise an arm at rest in a posture (joints,) rad."""
     rest = equilibrium(arm, posture, contacts=contacts)
     model = linearize(arm, rest, outputs=signals)
     found: dict[OutputName, Signal] = {}

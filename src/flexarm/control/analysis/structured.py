@@ -13,6 +13,9 @@ from flexarm.control.analysis.sampled_loop import ComplexArray, response
 from flexarm.control.design.loop_shaping import Matrices, in_series
 from flexarm.control.hardware.measurement import FloatArray
 
+#: Lower and upper end.
+Interval = tuple[float, float]
+
 #: Iterations of the balancing. Each reduces the remaining error of typical matrices by a half.
 _BALANCES = 40
 #: Smallest norm of a block, relative to that of the matrix, so that logarithms are finite.
@@ -26,9 +29,6 @@ def structured_bound(matrices: ComplexArray, blocks: Sequence[int]) -> FloatArra
     iteration for all matrices. They are optimised further until the largest bound is optimal, so
     that the maximum is accurate and other bounds may be a few percent too large. For up to three
     blocks the optimal bound is the structured singular value (Packard and Doyle 1993); (C.148).
-
-    Args:
-        matrices: (f, n, n). blocks: sizes of the blocks, with the sum n.
     """
     return structured_scales(matrices, blocks)[0]
 
@@ -111,32 +111,24 @@ _NEAR_PEAK = 4
 
 
 class RobustController(NamedTuple):
-    """Continuous controller u = K v for positive feedback, and its bounds.
+    """Continuous controller u = K v for positive feedback, and its bounds."""
 
-    Attributes:
-        A, B, C, D: state-space matrices.
-        mu: largest upper bound of the structured singular value at the frequencies.
-        gamma: H-infinity norm that the synthesis of this controller was given as a bound.
-        history: largest upper bound of mu after each iteration.
-    """
-
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
-    mu: float
-    gamma: float
-    history: tuple[float, ...]
+    A: FloatArray  # state-space matrices
+    B: FloatArray  # state-space matrices
+    C: FloatArray  # state-space matrices
+    D: FloatArray  # state-space matrices
+    mu: float  # largest upper bound of the structured singular value at the frequencies
+    gamma: float  # H-infinity norm that the synthesis of this controller was given as a bound
+    history: tuple[float, ...]  # largest upper bound of mu after each iteration
 
 
 def dk_iteration(
     plant: Matrices,
     blocks: Sequence[int],
     omega: FloatArray,
-    *,
     iterations: int,
     order: int,
-    band: tuple[float, float],
+    band: Interval,
     suboptimality: float,
     start: Matrices | None = None,
 ) -> RobustController:
@@ -155,9 +147,6 @@ def dk_iteration(
         band: interval of the zeros and poles of the scalings, rad/s.
         suboptimality: ratio of the norm of a synthesis to the least norm, above 1.
         start: controller of the first scalings; None for scalings of one.
-
-    Raises:
-        InputError: if slycot is not installed, or the first synthesis fails.
     """
     size = sum(blocks)
     scalings: list[FloatArray] = [np.zeros(1)] * (len(blocks) - 1)
@@ -189,18 +178,13 @@ def closed_loop(plant: Matrices, size: int, K: Matrices, omega: FloatArray) -> C
     """Return the response (f, size, size) of a plant with the controller u = K v; from w to z."""
     P, k = (response(A, B, C, 1j * omega) + D for A, B, C, D in (plant, K))
     inner = np.linalg.solve(np.eye(P.shape[1] - size) - P[:, size:, size:] @ k, P[:, size:, :size])
-    found: ComplexArray = P[:, :size, :size] + P[:, :size, size:] @ k @ inner
-    return found
+    return np.asarray(P[:, :size, :size] + P[:, :size, size:] @ k @ inner)
 
 
 def _synthesis(
     plant: Matrices, size: int, omega: FloatArray, suboptimality: float
 ) -> tuple[Matrices, float]:
-    """Return an H-infinity controller and the bound on its norm, by SB10AD of SLICOT.
-
-    Raises:
-        ArithmeticError: if SLICOT fails, or no loop has the reported norm, because of rounding.
-    """
+    """Return an H-infinity controller and the bound on its norm, by SB10AD of SLICOT."""
     try:
         from slycot import sb10ad
         from slycot.exceptions import SlycotError
@@ -248,11 +232,7 @@ def _in_balanced_coordinates(plant: Matrices) -> Matrices:
 
 
 def _fitted(
-    loop: ComplexArray,
-    blocks: Sequence[int],
-    omega: FloatArray,
-    order: int,
-    band: tuple[float, float],
+    loop: ComplexArray, blocks: Sequence[int], omega: FloatArray, order: int, band: Interval
 ) -> list[FloatArray]:
     """Return scalings, as logarithms, see `_magnitude`.
 
@@ -282,8 +262,7 @@ def _fitted(
         for k in range(count):
 
             def missed(x: FloatArray, k: int = k) -> FloatArray:
-                found: FloatArray = (_magnitude(x, omega) - wanted[:, k]) * share
-                return found
+                return np.asarray((_magnitude(x, omega) - wanted[:, k]) * share)
 
             first = [np.average(wanted[:, k], weights=share)]
             corners = middle + np.linspace(-1.0, 1.0, 2 * each)
@@ -299,10 +278,7 @@ def _fitted(
 
 
 def _magnitude(numbers: FloatArray, omega: FloatArray) -> FloatArray:
-    """Return log|D| (f,) of D = exp(g) prod (1 + s / zero) / (1 + s / pole).
-
-    ``numbers``: g, and the logarithms of each zero and pole.
-    """
+    """Return log|D| (f,) of D = exp(g) prod (1 + s / zero) / (1 + s / pole)."""
     found = np.full(len(omega), numbers[0])
     for zero, pole in numbers[1:].reshape(-1, 2):
         found += 0.5 * np.log1p((omega * np.exp(-zero)) ** 2)

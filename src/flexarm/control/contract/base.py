@@ -191,22 +191,15 @@ class Controller(ABC):
             name = f"The tuple {cls.__name__}.memory"
             warn_deprecated(name, "step and initial_memory, from which margins follow", "0.3")
         if cls.__module__.startswith("flexarm."):
-            checks = (
-                ("update", _checked_update),
-                ("feedback", _checked_update),
-                ("requirements", _checked_requirements),
-            )
-            for name, checked in checks:
-                if name in vars(cls):
-                    setattr(cls, name, checked(vars(cls)[name]))
+            for name in {"update", "feedback", "requirements"} & vars(cls).keys():
+                checked = _checked_requirements if name == "requirements" else _checked_update
+                setattr(cls, name, checked(vars(cls)[name]))
 
     def planned(self, t: float, reference: Reference) -> Arrays:
         """Return the inputs at time t (s) that are known in advance, by name."""
-        return {
-            "reference_angle": reference.joint_angle(t),
-            "reference_rate": reference.joint_rate(t),
-            "reference_acceleration": reference.joint_acceleration(t),
-        }
+        places = {"reference_angle": reference.joint_angle(t)}
+        rates = {"reference_rate": reference.joint_rate(t)}
+        return places | rates | {"reference_acceleration": reference.joint_acceleration(t)}
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         """Return the memory before the first step, by name; empty by default."""
@@ -335,26 +328,24 @@ def declares(controller: object, name: str) -> bool:
 
     It is not, if a base class has the attribute and a derived class overrides the law.
     """
-    if name in getattr(controller, "__dict__", {}):
-        return bool(getattr(controller, name))
-    for kind in type(controller).__mro__:
-        if name in vars(kind):
-            return bool(getattr(controller, name))
-        if "update" in vars(kind) or "step" in vars(kind):
-            return False
-    return bool(getattr(controller, name, False))
+    own = name in getattr(controller, "__dict__", {})
+    of_law = own or _first_defined(controller, name, "update", "step") in (name, "")
+    return of_law and bool(getattr(controller, name, False))
 
 
 def _steps(controller: Controller) -> bool:
     """Return whether no class overrides ``update`` after ``step``."""
-    if "update" in vars(controller):
-        return False
+    own = "update" in vars(controller)
+    return not own and _first_defined(controller, "update", "step") == "step"
+
+
+def _first_defined(controller: object, *names: str) -> str:
+    """Return the first of the names that the most derived class with any of them defines, or ""."""
     for kind in type(controller).__mro__:
-        if "update" in vars(kind):
-            return False
-        if "step" in vars(kind):
-            return True
-    return False
+        for name in names:
+            if name in vars(kind):
+                return name
+    return ""
 
 
 def _check_feedforward(controller: Any, joints: int) -> None:
@@ -382,11 +373,7 @@ _REFERENCE = ("joint_angle", "joint_rate", "joint_acceleration")
 
 
 def check_reference(reference: object) -> None:
-    """Raise if an object lacks the methods of a `Reference`.
-
-    Raises:
-        InputError: if a method is missing, or the object is a class.
-    """
+    """Raise if an object lacks the methods of a `Reference`."""
     kind = type(reference)
     if kind in _KNOWN:
         return
@@ -411,22 +398,12 @@ def requirements_of(
 ) -> ControllerRequirements:
     """Return the requirements of any controlling object; none if it does not declare them."""
     declared = getattr(controller, "requirements", None)
-    if _has_former_name(controller):
+    if _first_defined(controller, "requirements", "needs") == "needs":
         kind = type(controller).__name__
         warn_deprecated(f"{kind}.needs", f"{kind}.requirements", "0.3")
         declared = getattr(controller, "needs", None)
     found = declared(arm, reference) if callable(declared) else None
     return found if isinstance(found, ControllerRequirements) else ControllerRequirements()
-
-
-def _has_former_name(controller: object) -> bool:
-    """Return whether a class defines ``needs`` and no subclass of it ``requirements``."""
-    for base in type(controller).__mro__:
-        if "requirements" in vars(base):
-            return False
-        if "needs" in vars(base):
-            return True
-    return False
 
 
 def report_of(controller: object) -> dict[str, float]:
@@ -436,11 +413,7 @@ def report_of(controller: object) -> dict[str, float]:
 
 
 def check_controller(name: str, value: object) -> None:
-    """Check that a value acts as a controller.
-
-    Raises:
-        InputError: if it is a class, or lacks an attribute of controllers.
-    """
+    """Check that a value acts as a controller."""
     if isinstance(value, type):
         hint = f"Create an object: {value.__name__}(...)."
         raise InputError(Problem(name, "be a controller", f"the class {value.__name__}", hint))
@@ -577,8 +550,6 @@ class Around(Controller):
     ) -> ControllerRequirements:
         """Return the requirements of the inner controller and those of ``joints`` joints."""
         inner = requirements_of(self.inner, arm, reference)
-        return ControllerRequirements(
-            joints if joints != arm.joints else inner.joints,
-            tuple(dict.fromkeys([*JOINTS, *inner.measured])),
-            inner.gauges,
-        )
+        measured = tuple(dict.fromkeys([*JOINTS, *inner.measured]))
+        count = joints if joints != arm.joints else inner.joints
+        return ControllerRequirements(count, measured, inner.gauges)

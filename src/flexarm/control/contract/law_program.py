@@ -159,11 +159,7 @@ class _Recorded(np.lib.mixins.NDArrayOperatorsMixin):
 def program_of(
     law: Controller, memory: Arrays, readings: Measurement, inputs: Arrays
 ) -> LawProgram | None:
-    """Return the program of a built-in law; None if its step cannot be recorded.
-
-    Args:
-        memory, readings, inputs: of a sample, in the forms of all samples.
-    """
+    """Return the program of a built-in law; None if its step cannot be recorded."""
     if not is_law(law) or not all(map(_is_built_in, around(law))):
         return None  # a user's step may note numbers
     parts = memory, {name: readings[name] for name in _SENSED}, inputs
@@ -183,16 +179,11 @@ def program_of(
         return None
     if any(ends[name].shape != np.shape(value) for name, value in memory.items()):
         return None
-    program = LawProgram(
-        code=np.array(tape.code, dtype=np.int64).reshape(-1, 5),
-        numbers=np.array(tape.numbers),
-        memory=_joined(before),
-        readings=_joined(sensed),
-        inputs=_joined(planned),
-        after=np.concatenate([np.zeros(0, np.int64), *(ends[name].ravel() for name in memory)]),
-        torque=torques.astype(np.int64),
-        kept=np.zeros(sum(np.size(value) for value in memory.values())),
-    )
+    code, kept = np.array(tape.code, dtype=np.int64).reshape(-1, 5), map(np.size, memory.values())
+    places = _joined(before), _joined(sensed), _joined(planned)
+    after_places = np.concatenate([np.zeros(0, np.int64), *(ends[k].ravel() for k in memory)])
+    outputs = after_places, torques.astype(np.int64), np.zeros(sum(kept))
+    program = LawProgram(code, np.array(tape.numbers), *places, *outputs)
     with np.errstate(all="ignore"):  # random numbers may be outside the range of a function
         return program if _is_equal(program, law, parts) else None
 
@@ -202,9 +193,8 @@ def _is_built_in(law: Any) -> bool:
 
 
 def _joined(arrays: Mapping[str, _Recorded]) -> Any:
-    return np.concatenate(
-        [np.zeros(0, np.int64), *(array.places.ravel() for array in arrays.values())]
-    )
+    rows = (array.places.ravel() for array in arrays.values())
+    return np.concatenate([np.zeros(0, np.int64), *rows])
 
 
 def flat(arrays: Arrays) -> FloatArray:

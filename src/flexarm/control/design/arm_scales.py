@@ -69,18 +69,7 @@ def typical_torque(arm: Arm, posture: ArrayLike | None, rate: float) -> FloatArr
 def design_requirements(
     arm: Arm, given: LQGParameters, acceptable: Mapping[str, ArrayLike] | None, rate: float
 ) -> DesignRequirements:
-    """Return the requirements of a linear controller, with default values for missing ones.
-
-    Args:
-        arm: model of the arm.
-        given: the controller, with its parameters as attributes.
-        acceptable: acceptable deviations in place of those of ``given``.
-        rate: of `typical_rate`, rad/s.
-
-    Raises:
-        InputError: if a name or number is wrong, several outputs are integrated, or the tip is
-            integrated but not measured.
-    """
+    """Return the requirements of a linear controller, with default values for missing ones."""
     measured, disturbance, integral = given.measured, given.disturbance, given.integral
     reach = arm.reach
     if acceptable is None:
@@ -104,16 +93,10 @@ def design_requirements(
     seen = check_names("measured", measured, MEASURED, arm)
     if "tip" in checked and "tip" not in seen:
         raise InputError(Problem("measured", "must contain the tip to integrate it"))
-    return DesignRequirements(
-        check_names("acceptable", acceptable, _ACCEPTABLE, arm),
-        torque,
-        seen,
-        check_names("disturbance", disturbance, DISTURBANCES, arm),
-        checked,
-        rate,
-        given.recovery,
-        given.rigidity_uncertainty,
-    )
+    acceptable = check_names("acceptable", acceptable, _ACCEPTABLE, arm)
+    disturbance = check_names("disturbance", disturbance, DISTURBANCES, arm)
+    more = rate, given.recovery, given.rigidity_uncertainty
+    return DesignRequirements(acceptable, torque, seen, disturbance, checked, *more)
 
 
 #: Exponents of rate, length and force in each unit. Electrical units have no scale in an arm.

@@ -74,15 +74,9 @@ def shaped(
     are shaped one after another.
     """
     motion = check_motion(motion)
-    options = checked_arguments(
-        ShapingSpec,
-        method=method,
-        modes=modes,
-        frequency_hz=frequency_hz,
-        damping_ratio=damping_ratio,
-        tolerance=tolerance,
-        insensitivity=insensitivity,
-    )
+    vibration = {"modes": modes, "frequency_hz": frequency_hz, "damping_ratio": damping_ratio}
+    widths = {"tolerance": tolerance, "insensitivity": insensitivity}
+    options = checked_arguments(ShapingSpec, method=method, **vibration, **widths)
     if arm is not None and check_kind("arm", arm, Arm).joints != motion.joints:
         rule = f"have the number of joints of the motion ({motion.joints})"
         raise InputError(Problem("arm", rule, f"{arm.joints}"))
@@ -148,13 +142,8 @@ def shaper_sensitivity(
     """
     ratios = np.atleast_1d(check_each("frequency_ratio", frequency_ratio, positive=True))
     ratio = check_number("damping_ratio", damping_ratio)
-    options = checked_arguments(
-        ShapingSpec,
-        method=method,
-        damping_ratio=ratio,
-        tolerance=tolerance,
-        insensitivity=insensitivity,
-    )
+    widths = {"tolerance": tolerance, "insensitivity": insensitivity}
+    options = checked_arguments(ShapingSpec, method=method, damping_ratio=ratio, **widths)
     return residual(_impulses(options, ratio), ratio, ratios)
 
 

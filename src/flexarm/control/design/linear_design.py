@@ -32,60 +32,40 @@ class Design:
     """Gains at one posture.
 
     The state x is the deviation of (q, qd), n = 2 dof; z are k integrals.
-
-    Attributes:
-        posture: (joints,) rad.
-        sag: (dof - joints,) elastic coordinates at rest in the posture.
-        A, B: of the sampled arm, (n, n) and (n, joints); C: of the measurement, (p, n).
-        B_elastic: (n, dof - joints), of forces on the elastic coordinates.
-        integrated: (k, n): z (k,) increases by ``integrated`` x at each sample.
-        gain: (joints, n + k): torque = -gain (x, z).
-        cost: (n + k, n + k): the minimum cost from a state is (x, z)' cost (x, z).
-        weight, torque_weight: weights Q and R of the cost, (n + k, n + k) and (joints, joints).
-        estimator: (n, p), gain of the innovation in the correction of the prediction.
-        prediction_covariance: (n, n) of the prediction error.
-        innovation_covariance: (p, p) of the measurement minus its prediction.
     """
 
-    posture: FloatArray
-    sag: FloatArray
-    A: FloatArray
-    B: FloatArray
-    B_elastic: FloatArray
+    posture: FloatArray  # (joints,) rad
+    sag: FloatArray  # (dof - joints,) elastic coordinates at rest in the posture
+    A: FloatArray  # of the sampled arm, (n, n) and (n, joints); C: of the measurement, (p, n)
+    B: FloatArray  # of the sampled arm, (n, n) and (n, joints); C: of the measurement, (p, n)
+    B_elastic: FloatArray  # (n, dof - joints), of forces on the elastic coordinates
     C: FloatArray
-    integrated: FloatArray
-    gain: FloatArray
-    cost: FloatArray
-    weight: FloatArray
-    torque_weight: FloatArray
-    estimator: FloatArray
-    prediction_covariance: FloatArray
-    innovation_covariance: FloatArray
+    integrated: FloatArray  # (k, n): z (k,) increases by ``integrated`` x at each sample
+    gain: FloatArray  # (joints, n + k): torque = -gain (x, z)
+    cost: FloatArray  # (n + k, n + k): the minimum cost from a state is (x, z)' cost (x, z)
+    weight: FloatArray  # weights Q and R of the cost, (n + k, n + k) and (joints, joints)
+    torque_weight: FloatArray  # weights Q and R of the cost, (n + k, n + k) and (joints, joints)
+    estimator: FloatArray  # (n, p), gain of the innovation in the correction of the prediction
+    prediction_covariance: FloatArray  # (n, n) of the prediction error
+    innovation_covariance: FloatArray  # (p, p) of the measurement minus its prediction
 
 
 @dataclass(frozen=True, eq=False)
 class DesignRequirements:
     """Design requirements of a linear controller: acceptable deviations, and noise.
 
-    Attributes:
-        acceptable: acceptable deviations by output.
-        acceptable_torque: (joints,) N m.
-        measured: standard deviations of the noise by measured output.
-        disturbance: standard deviations of unmeasured inputs, constant over a sample.
-        integrated: the output to integrate and its acceptable integral, or empty.
-        rate: typical joint rate, rad/s, to which the rates of all coordinates are relative.
-        recovery: fictitious torque noise of the filter, relative to the acceptable torque.
-        rigidity_uncertainty: relative error of the links' stiffness.
+    Those of outputs are by name; disturbances are deviations of unmeasured inputs, constant over a
+    sample; rates of all coordinates are relative to ``rate``.
     """
 
     acceptable: Mapping[str, ArrayLike]
-    acceptable_torque: FloatArray
-    measured: Mapping[str, ArrayLike]
+    acceptable_torque: FloatArray  # (joints,) N m
+    measured: Mapping[str, ArrayLike]  # standard deviations of the noise
     disturbance: Mapping[str, ArrayLike]
-    integrated: Mapping[str, ArrayLike]
-    rate: float
-    recovery: float = 0.0
-    rigidity_uncertainty: float = 0.0
+    integrated: Mapping[str, ArrayLike]  # the output to integrate and its acceptable integral
+    rate: float  # typical joint rate, rad/s
+    recovery: float = 0.0  # torque noise of the filter, relative to the acceptable torque
+    rigidity_uncertainty: float = 0.0  # relative error of the links' stiffness
 
 
 def sampled(
@@ -127,11 +107,7 @@ def rows_of(model: LinearModel, names: Sequence[str]) -> FloatArray:
 
 
 def scales(argument: str, given: ArrayLike, count: int) -> FloatArray:
-    """Return positive numbers (count,) from one number or a list of ``count``.
-
-    Raises:
-        InputError: if a number is not positive and finite, or the list has another length.
-    """
+    """Return positive numbers (count,) from one number or a list of ``count``."""
     found = check_each(argument, given, count, positive=True)
     return np.broadcast_to(found, (count,)).astype(np.float64)
 
@@ -157,9 +133,8 @@ def design(
     """
     from scipy.linalg import block_diag
 
-    names = tuple(
-        dict.fromkeys([*requirements.acceptable, *requirements.measured, *requirements.integrated])
-    )
+    listed = *requirements.acceptable, *requirements.measured, *requirements.integrated
+    names = tuple(dict.fromkeys(listed))
     inputs = tuple(dict.fromkeys(["torque", *requirements.disturbance]))
     rest = equilibrium(arm, posture)
     model = linearize(arm, rest, inputs=inputs, outputs=names)
@@ -192,22 +167,9 @@ def design(
     unknown = B * torques @ B.T + _NOISE * unsure**2 * bend_energy * forced @ stiffness @ forced.T
     noise = np.diag(sizes_of("measured", model, requirements.measured) ** 2)
     estimator, spread, seen = kalman(A, C, pushed @ pushed.T + unknown, noise, sizes)
-    return Design(
-        posture,
-        rest.q[elastic],
-        A,
-        B,
-        B_all[:, B_all.shape[1] - elastic.size :],
-        C,
-        Z,
-        gain,
-        cost,
-        weight,
-        torque_weight,
-        estimator,
-        spread,
-        seen,
-    )
+    at_rest = posture, rest.q[elastic], A, B, B_all[:, B_all.shape[1] - elastic.size :]
+    gains = gain, cost, weight, torque_weight
+    return Design(*at_rest, C, Z, *gains, estimator, spread, seen)
 
 
 def bending(
@@ -248,9 +210,6 @@ def regulator(
 
     The equation is solved for states in the ratio of their ``sizes`` (n,) and for torques relative
     to their weights, so that all weights are about one. Otherwise rounding depends on the units.
-
-    Raises:
-        InputError: if the cost does not detect an undamped mode, or the model is not stabilisable.
     """
     from scipy.linalg import solve
 
@@ -306,14 +265,7 @@ def _previewed(item: Design, left: FloatArray, steps: int, stride: int) -> Float
 def kalman(
     A: FloatArray, C: FloatArray, disturbance: FloatArray, noise: FloatArray, sizes: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the Kalman gain and the covariances of prediction error and innovation; (C.25).
-
-    States are in the ratio of their ``sizes`` (n,) as in `regulator`, and readings relative to
-    their noise.
-
-    Raises:
-        InputError: if an undamped mode is not detectable from the measurement.
-    """
+    """Return the Kalman gain and the covariances of prediction error and innovation; (C.25)."""
     from scipy.linalg import solve
 
     reading = np.diag(noise) ** 0.5
@@ -383,29 +335,18 @@ def _check_stable(argument: str, loop: FloatArray) -> None:
 
 
 def _unsolvable(argument: str) -> Problem:
-    rules = {
-        "acceptable": (
-            "gives no weight to an undamped mode, so the cost does not detect it",
-            (
-                "Add joint_angle, or the tip of two joints in a posture that is not straight; and "
-                "name no integral that the joints cannot control there."
-            ),
-        ),
-        "measured": ("does not detect an undamped mode", "Measure joint_angle."),
-    }
-    rule, hint = rules[argument]
+    rule, hint = "does not detect an undamped mode", "Measure joint_angle."
+    if argument == "acceptable":
+        rule = "gives no weight to an undamped mode, so the cost does not detect it"
+        hint = "Add joint_angle, or the tip of two joints in a posture that is not straight; and "
+        hint += "name no integral that the joints cannot control there."
     return Problem(argument, rule, hint=hint)
 
 
 def check_names(
     argument: str, given: object, allowed: Sequence[str], arm: Arm
 ) -> Mapping[str, ArrayLike]:
-    """Return a mapping after checking that its names are allowed and exist on the arm.
-
-    Raises:
-        InputError: if it is not a mapping, a name is not allowed, or strain is named for an arm
-            without gauges.
-    """
+    """Return a mapping after checking that its names are allowed and exist on the arm."""
     rule = "be a mapping from " + ", ".join(map(repr, allowed)) + " to numbers"
     if not isinstance(given, Mapping):
         raise InputError(Problem(argument, rule, shown(given)))

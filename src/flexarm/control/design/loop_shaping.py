@@ -59,15 +59,6 @@ def shaped_design(
 
     The design is continuous in the bilinear variable w of (C.140), which preserves stability and
     H-infinity norms, so that the margin is that of the sampled loop.
-
-    Args:
-        arm: model of the arm. posture: (joints,) rad. sample_time: s.
-        given: the controller, with its parameters as attributes.
-
-    Raises:
-        InputError: if a bandwidth is not below the Nyquist frequency, or the Riccati equations have
-            no stabilising solution.
-        EquilibriumError: if the arm has no equilibrium at the posture.
     """
     from scipy.signal import cont2discrete
 
@@ -89,11 +80,7 @@ def shaped_design(
 def shaping(
     arm: Arm, posture: FloatArray, bandwidth: FloatArray, sample_time: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141).
-
-    Raises:
-        InputError: if a bandwidth is not below the Nyquist frequency.
-    """
+    """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141)."""
     largest, nyquist = float(np.max(bandwidth)), np.pi / sample_time
     if largest >= nyquist:
         rule = f"be below the Nyquist frequency of sample_time {sample_time:g} s, {nyquist:.4g}"
@@ -114,10 +101,7 @@ def sampled_growth(model: LinearModel, controller: Matrices, sample_time: float)
 
 
 def added_damping(arm: Arm, model: LinearModel, ratio: float) -> FloatArray:
-    """Return the rates of change of qd by qd of damping (dof, dof) of the links, 1/s; (C.145).
-
-    ``ratio``: damping ratio that is added to every mode with locked joints.
-    """
+    """Return the rates of change of qd by qd of damping (dof, dof) of the links, 1/s; (C.145)."""
     from scipy.linalg import eigh
 
     elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
@@ -136,16 +120,9 @@ def coprime_controller(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
     """Return a controller robust to changes of the normalised coprime factors; (C.142) to (C.144).
 
-    Args:
-        A, B, C, D: shaped plant, continuous.
-        suboptimality: ratio of the bound on the norm to the least bound, above 1.
-
     Returns:
         State-space matrices of the controller for positive feedback, its margin, and the largest
         margin of any controller.
-
-    Raises:
-        InputError: if the Riccati equations have no stabilising solution.
 
     McFarlane and Glover 1992.
     """

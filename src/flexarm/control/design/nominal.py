@@ -64,9 +64,8 @@ class FlexibleModel:
         flat[:, 0, joints], flat[:, 1, joints] = angle, rate
         flat[:, 0, elastic] = bend
         accelerations.reshape(count, -1)[:, joints] = acceleration
-        kernels.call(
-            inverse_dynamics_many, states, accelerations, kernels.loads, kernels.work, forces
-        )
+        motion = states, accelerations
+        kernels.call(inverse_dynamics_many, *motion, kernels.loads, kernels.work, forces)
         found = forces.reshape(count, -1)
         return found[:, joints], found[:, elastic]
 
@@ -111,9 +110,6 @@ class PostureGrid:
     Attributes:
         postures: (k, joints) rad of all nodes.
         axes: for each joint with several angles, its place, its angles, and the distance of nodes.
-
-    Raises:
-        InputError: if angles do not increase, or ``schedule`` does not have one entry per joint.
     """
 
     def __init__(self, posture: FloatArray, schedule: Sequence[ArrayLike | None] | None) -> None:
@@ -338,10 +334,7 @@ class PreviewedReference:
         self._end = new.stop
 
     def along(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Nominal:
-        """Return the nominal motion at T times, for a motion of the joints (T, joints).
-
-        Each entry of the result has the additional first dimension T.
-        """
+        """Return the nominal motion at T times, for a motion of the joints (T, joints)."""
         bend = self._sag.first_at(angle)
         torque, elastic_force = self._model.forces_many(angle, rate, acceleration, bend)
         # The arrays have the type of the angles, which are symbols in exported controllers.

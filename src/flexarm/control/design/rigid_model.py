@@ -149,9 +149,6 @@ class RigidParameters:
         names: as given. values: (p,), of the arm. known: number of leading rows of the regressor
             that belong to no parameter. joints: number of joints.
 
-    Raises:
-        InputError: if a parameter does not exist or is named twice.
-
     Arguments of methods are not checked. Results are buffers that the next call overwrites.
     """
 
@@ -180,7 +177,8 @@ class RigidParameters:
         self._inertial = 1 + len(turning)
         self._order = _order(directions)
         self.known = 2
-        constants = _writable(exact)
+        constants = ArmConstants(*(array.copy() for array in exact))
+        constants.arm[HAS_JOINT_LAWS] = 1.0
         if smoothing_rate is not None:
             for joint, number in enumerate(arm.joint_numbers):
                 if arm.spec.joints[number - 1].friction is None:
@@ -209,18 +207,9 @@ class RigidParameters:
         motion = self._motion
         motion[0], motion[1] = angle, rate
         motion[2], motion[3] = reference_rate, reference_acceleration
-        self._kernels.call(
-            regressor,
-            self._kernels.loads,
-            self._kernels.work,
-            self._sets,
-            self._inertial,
-            self._bodies,
-            motion,
-            self._state,
-            self._acceleration,
-            self._columns,
-        )
+        work = self._kernels.loads, self._kernels.work, self._sets, self._inertial, self._bodies
+        buffers = self._state, self._acceleration, self._columns
+        self._kernels.call(regressor, *work, motion, *buffers)
         return self._columns[self._order] if ordered else self._columns
 
     def placed(self, numbers: FloatArray) -> FloatArray:
@@ -232,19 +221,9 @@ class RigidParameters:
     def momentum(self, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return M qd and its rate without motors, C' qd - g - losses, (2, joints)."""
         self._angle[:], self._rate[:] = angle, rate
-        self._kernels.call(
-            momentum,
-            self._kernels.loads,
-            self._kernels.work,
-            self._split,
-            self._bodies,
-            self._angle,
-            self._rate,
-            self._unit,
-            self._state,
-            self._acceleration,
-            self._found,
-        )
+        work = self._kernels.loads, self._kernels.work, self._split, self._bodies
+        buffers = self._angle, self._rate, self._unit, self._state, self._acceleration
+        self._kernels.call(momentum, *work, *buffers, self._found)
         return self._found
 
 
@@ -321,13 +300,6 @@ def _order(directions: list[FloatArray]) -> NDArray[np.intp]:
     return np.array(places, dtype=np.intp)
 
 
-def _writable(constants: ArmConstants) -> ArmConstants:
-    """Return writable copies of the constants, with joint laws enabled."""
-    copies = ArmConstants(*(array.copy() for array in constants))
-    copies.arm[HAS_JOINT_LAWS] = 1.0
-    return copies
-
-
 class TaskState(NamedTuple):
     """State of the rigid model, overwritten by the next one; tip vectors in world axes."""
 
@@ -338,11 +310,7 @@ class TaskState(NamedTuple):
 
 
 class TaskSpace:
-    """Kinematics and dynamics of the rigid model at its tip, without checks of arguments.
-
-    Attributes:
-        joints: number of joints.
-    """
+    """Kinematics and dynamics of the rigid model at its tip, without checks of arguments."""
 
     _tip_torque = staticmethod(tip_torque)
 
@@ -352,24 +320,14 @@ class TaskSpace:
         self._kernels = kernels = KernelView(assembly.constants)
         moved = KernelView(assembly.constants, complex)
         self.joints = count = arm.joints
-        self._state = TaskState(
-            np.zeros((3, 2)), np.zeros((2, count)), np.zeros((count, count)), np.zeros(count)
-        )
+        shapes = (3, 2), (2, count), (count, count), (count,)
+        self._state = TaskState(*map(np.zeros, shapes))
         self._angle, self._rate = np.zeros(arm.joints), np.zeros(arm.joints)
-        self._arguments = (
-            assembly.joint_body,
-            self._angle,
-            self._rate,
-            kernels.loads,
-            kernels.zeros(2),
-            kernels.zeros(),
-            kernels.work,
-            moved.zeros(2),
-            *moved.pose_arrays(),
-            np.zeros((2, assembly.bodies)),
-            np.zeros(kernels.shape * 2),
-            *self._state,
-        )
+        motion = assembly.joint_body, self._angle, self._rate
+        work = kernels.loads, kernels.zeros(2), kernels.zeros(), kernels.work
+        buffers = moved.zeros(2), *moved.pose_arrays(), np.zeros((2, assembly.bodies))
+        matrix = np.zeros(kernels.shape * 2)
+        self._arguments = *motion, *work, *buffers, matrix, *self._state
 
     def at(self, angle: FloatArray, rate: FloatArray) -> TaskState:
         """Return the state at joint angles (rad) and rates (rad/s), (joints,) each."""
@@ -385,16 +343,7 @@ class TaskSpace:
         posture: FloatArray,
         added: FloatArray,
     ) -> FloatArray:
-        """Return the joint torques (joints,) N m for an acceleration and a force of the tip: (F.1).
-
-        Args:
-            state: last result of ``at``.
-            acceleration: acceleration of the tip without contact, m/s^2.
-            push: force of the tip on the surface, N.
-            posture: joint accelerations (joints,) rad/s^2 that arms with more than two joints stay
-                close to.
-            added: torque (joints,) N m that is added.
-        """
+        """Return the torques (joints,) N m for an acceleration and a force of the tip: (F.1)."""
         torque = np.empty_like(state.bias_torque)
         self._tip_torque(*state, posture, *acceleration, *push, added, torque)
         return torque

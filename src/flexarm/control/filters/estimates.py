@@ -31,21 +31,14 @@ _FALSE_ALARM = 1e-9
 
 @cache
 def largest_ratio(size: int) -> float:
-    """Return the limit of the mean normalised innovation squared of ``size`` readings.
-
-    Its expected value is one.
-    """
+    """Return the limit of the mean normalised innovation squared of ``size`` readings."""
     from scipy.stats import chi2
 
     return float(chi2.isf(_FALSE_ALARM, size)) / size
 
 
 def band(size: int, probability: float) -> tuple[float, float]:
-    """Return the central interval of a chi-squared variable of ``size``, divided by its mean.
-
-    Raises:
-        InputError: if the probability is not between 0 and 1.
-    """
+    """Return the central interval of a chi-squared variable of ``size``, divided by its mean."""
     from scipy.stats import chi2
 
     inside = check_number("probability", probability, lambda p: 0.0 < p < 1.0, "be within 0 and 1")
@@ -60,11 +53,6 @@ def innovation_covariance(
 
     The error of the torque affects both the state and the accelerometers, so their errors are
     correlated by N (s, readings).
-
-    Args:
-        P: (s, s), covariance of the state. H: (readings, s), derivative by the state.
-        moved, felt: (s, joints), (readings, joints), changes of state and readings by the error of
-            the torque relative to its deviation. noise: (readings, readings) of the instruments.
     """
     N, R = moved @ felt.T, noise + felt @ felt.T
     return H @ P @ H.T + H @ N + N.T @ H.T + R, R, N
@@ -100,12 +88,7 @@ class InnovationTest:
         self.passed = True
 
     def add(self, squared: float, size: int) -> None:
-        """Add the normalised innovation squared of a sample with ``size`` readings.
-
-        Warns:
-            InconsistentEstimateWarning: if a window is outside its distribution, for the first
-                one only.
-        """
+        """Add the normalised innovation squared of a sample with ``size`` readings."""
         place = self._count % WINDOW
         self._last[place], self._sizes[place] = squared, size
         self._count += 1
@@ -195,14 +178,7 @@ class Layout(NamedTuple):
         by_mass: float = 1.0,
         biases: ArrayLike = 0.0,
     ) -> FloatArray:
-        """Return the derivative (rows, size) of a function by x.
-
-        Args:
-            state, torque: (rows, 2 dof), (rows, joints), the derivatives by [q, qd] and torques.
-            parameters: (rows, 1 + p), by the payload mass and the parameters.
-            by_mass: derivative of the payload mass by the last number of x.
-            biases: (rows, biases), by the biases.
-        """
+        """Return the derivative (rows, size) of a function by x."""
         found = np.zeros((len(state), self.size))
         found[:, self.states] = state
         found[:, self.parameters] = parameters[:, 1:]
@@ -214,17 +190,12 @@ class Layout(NamedTuple):
     def deviations(self, covariance: FloatArray) -> dict[str, FloatArray]:
         """Return the standard deviations by name for covariances (..., size, size)."""
         found = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
-        named = {
-            "q": found[..., : self.dof],
-            "qd": found[..., self.dof : 2 * self.dof],
-            "payload.mass": found[..., -1],
-        }
+        named = {"q": found[..., : self.dof], "qd": found[..., self.dof : 2 * self.dof]}
+        named["payload.mass"] = found[..., -1]
         if self.disturbed:
             named["disturbance"] = found[..., self.disturbance]
-        for path, values in zip(
-            self.paths, np.moveaxis(found[..., self.parameters], -1, 0), strict=True
-        ):
-            named[path] = values
+        parameters = np.moveaxis(found[..., self.parameters], -1, 0)
+        named |= zip(self.paths, parameters, strict=True)
         for name, places in self.by_instrument.items():
             named[f"bias of {name}"] = found[..., places]
         return named
@@ -287,9 +258,8 @@ class Estimates(NamedTuple):
         """
         true = [check_array(n, v, self.q.shape) for n, v in (("q", q), ("qd", qd))]
         mass = check_nonnegative("payload_mass", payload_mass)
-        given = check_mapping(
-            "parameters", {} if parameters is None else parameters, "paths and numbers"
-        )
+        numbers = {} if parameters is None else parameters
+        given = check_mapping("parameters", numbers, "paths and numbers")
         if set(given) != set(self.parameters):
             rule = f"have the estimated paths {', '.join(self.parameters) or '(none)'}"
             raise InputError(Problem("parameters", rule, shown(list(given))))
@@ -298,9 +268,8 @@ class Estimates(NamedTuple):
             number = check_number(f"parameters[{path!r}]", given[path])
             missed.append((number - values)[:, None])
         joints = self.disturbance.shape[1]
-        torques = check_numbers(
-            "disturbance", np.zeros(joints) if disturbance is None else disturbance
-        )
+        disturbance = np.zeros(joints) if disturbance is None else disturbance
+        torques = check_numbers("disturbance", disturbance)
         shape = self.disturbance.shape if torques.ndim == 2 else (joints,)
         acting = check_array("disturbance", torques, shape) - self.disturbance
         missed.append(acting[:, : self._layout.disturbed])
@@ -353,7 +322,6 @@ class Estimates(NamedTuple):
     @property
     def _uncertain(self) -> NDArray[np.bool_]:
         """Whether each state has a variance; that of a known payload is zero."""
-        found: NDArray[np.bool_] = np.any(
-            np.diagonal(self.covariance, axis1=1, axis2=2) > 0, axis=0
-        )
+        variances = np.diagonal(self.covariance, axis1=1, axis2=2)
+        found: NDArray[np.bool_] = np.any(variances > 0, axis=0)
         return found

@@ -53,12 +53,7 @@ LEAST_STIFFNESS = 1e-12
 def first_variance(
     arm: Arm, given: FilterParameters, angle: Instrument, stiffness: FloatArray
 ) -> FloatArray:
-    """Return the variances (2 dof,) of [q, qd] for known numbers of the arm.
-
-    Args:
-        arm: the arm. given: the deviations of the filter. angle: the encoder.
-        stiffness: (dof,) of the coordinates at rest; those of joints have no effect.
-    """
+    """Return the variances (2 dof,) of [q, qd] for known numbers of the arm."""
     assert given.energy_deviation is not None
     assert given.rate_deviation is not None
     joints, energy = arm.joint_index, 2.0 * given.energy_deviation
@@ -77,11 +72,7 @@ def first_variance(
 def sag(
     arm: Arm, angles: FloatArray, deviations: Mapping[str, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the coordinates (dof,) at rest, and derivatives (p, dof) by numbers of the arm.
-
-    Args:
-        deviations: standard deviations of the numbers, by path; zero for a known one.
-    """
+    """Return the coordinates (dof,) at rest, and derivatives (p, dof) by numbers of the arm."""
     slopes = np.zeros((len(deviations), arm.dof))
     if not any(arm.spec.gravity):
         return arm.rest(angles), slopes
@@ -134,9 +125,6 @@ class Frames:
 
     Attributes:
         latest: the largest delay, in samples.
-
-    Raises:
-        InputError: if the sample time of an instrument is no multiple of ``sample_time`` (s).
     """
 
     def __init__(self, readings: PredictedReadings, sample_time: float) -> None:
@@ -145,16 +133,11 @@ class Frames:
         self.latest = max(late for _, late in self._strides)
         ends = np.cumsum(readings.counts)
         self._parts = [slice(end - n, end) for end, n in zip(ends, readings.counts, strict=True)]
-        self._of: dict[tuple[int, ...], PredictedReadings] = {
-            tuple(range(len(self._strides))): readings
-        }
+        everything = tuple(range(len(self._strides)))
+        self._of: dict[tuple[int, ...], PredictedReadings] = {everything: readings}
 
     def arrived(self, number: int, readings: FloatArray) -> Iterator[tuple[int, int, FloatArray]]:
-        """Yield the place of each instrument with a new frame, its delay (samples), its readings.
-
-        Args:
-            number: of the present sample. readings: (size,) of all instruments.
-        """
+        """Yield the place of each instrument with a new frame, its delay (samples) and readings."""
         for place, (every, late) in enumerate(self._strides):
             frame = number - late
             if frame >= 0 and frame % every == 0:
@@ -230,11 +213,9 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         rate = typical_rate(self.arm, self.sample_time)
         turning = _TURNING * rate
         inertia = float(RigidModel(self.arm).mass_matrix(np.zeros(self.arm.joints))[0, 0])
-        values = {
-            "torque_noise": _NOISE * typical_torque(self.arm, None, rate),
-            "rate_deviation": turning,
-            "energy_deviation": 0.5 * inertia * turning**2,
-        }
+        noise = _NOISE * typical_torque(self.arm, None, rate)
+        values: dict[str, Any] = {"torque_noise": noise, "rate_deviation": turning}
+        values["energy_deviation"] = 0.5 * inertia * turning**2
         vars(self).update({name: values[name] for name in self._scaled})
 
     @property
@@ -392,9 +373,8 @@ class StateEstimator(FilterParameters, OfArm, ABC):
             ("covariance", float(largest), "the squares of the arm's angles and rates"),
         ):
             if ratio > _LARGEST:
-                raise InputError(
-                    Problem(name, f"be at most {_LARGEST:g} times {unit}", f"{ratio:g}")
-                )
+                rule = f"be at most {_LARGEST:g} times {unit}"
+                raise InputError(Problem(name, rule, f"{ratio:g}"))
         self._start(self._mean(np.concatenate(parts), mass), given)
         self._begun = True
 
@@ -424,7 +404,8 @@ class StateEstimator(FilterParameters, OfArm, ABC):
                 age = max(age, late)
         samples = self._waiting[-1 - age :]
         if age or again:
-            self._return_to(samples[0].before)
+            for name, value in self._copied(samples[0].before or {}).items():
+                setattr(self, name, value)
         for sample, following in zip_longest(samples, samples[1:]):
             if sample.readings:
                 seen, values = self._frames.of(sample)
@@ -468,9 +449,8 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         missing = [one.label for one in self.instruments if one.label not in given_by_name]
         if missing:
             hint = "The filter has an instrument for each; create it without those not measured."
-            raise InputError(
-                Problem("readings", f"have no {', '.join(map(repr, missing))}", hint=hint)
-            )
+            rule = f"have no {', '.join(map(repr, missing))}"
+            raise InputError(Problem("readings", rule, hint=hint))
         arrays = {}
         for item in self.instruments:
             name = f"readings[{item.label!r}]"
@@ -492,18 +472,14 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         x, covariance = (np.array([one[part] for one in kept]) for part in (0, 1))
         samples = [sample for _, _, sample in kept]
         layout = self._layout
-        return Estimates(
-            x[:, : layout.dof],
-            x[:, layout.dof : 2 * layout.dof],
-            x[:, -1],
-            covariance,
-            np.array([sample.innovation for sample in samples]),
-            self.consistent,
-            np.array([sample.size for sample in samples]),
-            dict(zip(layout.paths, x[:, layout.parameters].T, strict=True)),
-            np.array([self._disturbance(row) for row in x]),
-            {name: x[:, places] for name, places in layout.by_instrument.items()},
-        )
+        states = x[:, : layout.dof], x[:, layout.dof : 2 * layout.dof], x[:, -1], covariance
+        innovations = np.array([sample.innovation for sample in samples])
+        sizes = np.array([sample.size for sample in samples])
+        parameters = dict(zip(layout.paths, x[:, layout.parameters].T, strict=True))
+        disturbance = np.array([self._disturbance(row) for row in x])
+        biases = {name: x[:, places] for name, places in layout.by_instrument.items()}
+        test = innovations, self.consistent, sizes
+        return Estimates(*states, *test, parameters, disturbance, biases)
 
     @abstractmethod
     def _start(self, x: FloatArray, covariance: FloatArray) -> None:
@@ -579,10 +555,6 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         if self._frames is None or not self._frames.latest:
             return None
         return self._copied({name: getattr(self, name) for name in ("_torque", *self._changing)})
-
-    def _return_to(self, estimate: Any) -> None:
-        for name, value in self._copied(estimate or {}).items():
-            setattr(self, name, value)
 
     def _copied(self, estimate: Any) -> Any:
         """Return a copy of an estimate, with the same predictions of readings."""

@@ -84,14 +84,9 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
             estimator.predict(measurement.get("torque", self._commanded))
         estimator.correct(measurement)
         q, qd, joints = estimator.q, estimator.qd, estimator.arm.joint_index
-        seen = dict(measurement) | {
-            "joint_angle": q[joints],
-            "joint_rate": qd[joints],
-            "q": q,
-            "qd": qd,
-            "payload_mass": np.array([estimator.payload_mass]),
-            "disturbance": estimator.disturbance,
-        }
+        seen = dict(measurement) | {"joint_angle": q[joints], "joint_rate": qd[joints]}
+        seen |= {"q": q, "qd": qd, "payload_mass": np.array([estimator.payload_mass])}
+        seen["disturbance"] = estimator.disturbance
         torque = self.inner.update(t, Measurement(**seen), reference)
         corrected = np.asarray(torque, dtype=np.float64) - self.compensation * estimator.disturbance
         self._commanded = corrected

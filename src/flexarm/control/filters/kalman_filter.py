@@ -354,17 +354,13 @@ class UnscentedKalmanFilter(KalmanFilter):
 
 
 def _sigma_points(x: FloatArray, P: FloatArray, with_errors: FloatArray) -> FloatArray:
-    """Return the sigma points (2 n + 1, n) of a state and the torque errors, the mean first.
-
-    ``with_errors`` is their covariance. The errors have unit variance and zero mean.
-    """
+    """Return the sigma points (2 n + 1, n) of a state and the torque errors, the mean first."""
     joints = with_errors.shape[1]
     whole = np.block([[P, with_errors], [with_errors.T, np.eye(joints)]])
     roots = square_root(whole)
     mean = np.concatenate([x, np.zeros(joints)])
     apart = np.sqrt(mean.size) * roots.T
-    found: FloatArray = np.vstack([mean, mean + apart, mean - apart])
-    return found
+    return np.vstack([mean, mean + apart, mean - apart])
 
 
 def square_root(covariance: FloatArray) -> FloatArray:
@@ -373,19 +369,16 @@ def square_root(covariance: FloatArray) -> FloatArray:
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.where(deviation > 0.0, deviation, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    root: FloatArray = (deviation[:, None] * vectors) * np.sqrt(np.maximum(values, 0.0))
-    return root
+    return np.asarray((deviation[:, None] * vectors) * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _mean(points: FloatArray) -> FloatArray:
     """Return the mean of sigma points; the central one has no weight."""
     # Relative to it, because numbers that are the same in all points must stay exact.
-    found: FloatArray = points[0] + (points[1:] - points[0]).mean(axis=0)
-    return found
+    return np.asarray(points[0] + (points[1:] - points[0]).mean(axis=0))
 
 
 def _covariance(points: FloatArray, others: FloatArray) -> FloatArray:
     """Return the covariance of two functions of the same sigma points."""
     a, b = points - _mean(points), others - _mean(others)
-    found: FloatArray = a[1:].T @ b[1:] / (len(points) - 1) + _BETA * np.outer(a[0], b[0])
-    return found
+    return np.asarray(a[1:].T @ b[1:] / (len(points) - 1) + _BETA * np.outer(a[0], b[0]))

@@ -107,19 +107,13 @@ class HorizonProblem:
         self._slope[rest, : active.size] = gain * scale
         self._slope[rest, active.size : first] = self._root
         self._rest = rest
-        self.lower, self.upper = (
-            np.concatenate(
-                [
-                    bound[active] / scale,
-                    np.full(rest.size, infinite),
-                    np.tile(
-                        np.append(np.full(joints, infinite), bound[self._walking] / self._step),
-                        len(nodes) - 1,
-                    ),
-                ]
-            )
-            for bound, infinite in ((lower, -np.inf), (upper, np.inf))
-        )
+
+        def bounds(bound: FloatArray, infinite: float) -> FloatArray:
+            later = np.append(np.full(joints, infinite), bound[self._walking] / self._step)
+            first = bound[active] / scale, np.full(rest.size, infinite)
+            return np.concatenate([*first, np.tile(later, len(nodes) - 1)])
+
+        self.lower, self.upper = bounds(lower, -np.inf), bounds(upper, np.inf)
 
     def start(self) -> FloatArray:
         """Return the variables (v,) of the estimates of the nodes, within their bounds."""
@@ -143,9 +137,8 @@ class HorizonProblem:
         x, error = whole[:size], whole[size:]
         X, W = self._slope[:size], self._slope[size:]
         unit = np.eye(self.size)
-        early = self._inverse @ (
-            v[: self._active.size] - self._arrival.x[self._active] / self._scale
-        )
+        mean = self._arrival.x[self._active] / self._scale
+        early = self._inverse @ (v[: self._active.size] - mean)
         residuals = [early, v[self._active.size : self._first]]
         slopes = [self._inverse @ unit[: self._active.size], unit[self._active.size : self._first]]
         xs, errors, links = [x], [error], []
@@ -173,10 +166,7 @@ class HorizonProblem:
         return Evaluated(whole, slope, xs, errors, X, links)
 
     def solve(self) -> tuple[Evaluated, bool]:
-        """Return the least squares within the bounds, and whether the search converged.
-
-        By Gauss-Newton steps of SciPy.
-        """
+        """Return the least squares within the bounds, and whether the search converged."""
         from scipy.optimize import lsq_linear
 
         v = self.start()
@@ -200,12 +190,7 @@ class HorizonProblem:
 
 
 def next_arrival(model: ArmModel, arrival: Arrival, node: Node, link: Link) -> Arrival:
-    """Return the arrival at the second sample: an extended Kalman filter along the estimates.
-
-    Args:
-        node: the first sample, with its estimates.
-        link: their next sample; the torque error in it is that of its derivatives.
-    """
+    """Return the arrival at the second sample: an extended Kalman filter along the estimates."""
     size, joints = arrival.x.size, model.noise.size
     mean = np.concatenate([arrival.x, np.zeros(joints)])
     P = np.block([[arrival.P, arrival.moved], [arrival.moved.T, np.eye(joints)]])

@@ -69,16 +69,19 @@ class PredictedReadings:
         ]
         self.variance = np.concatenate(variances)
         self.counts = [len(row) for row in rows]
-        self.bias = self._bias()
+        blocks = [
+            [np.eye(count, columns) * (label == name) for name, columns in self.biased]
+            for label, count in zip(self._labels, self.counts, strict=True)
+        ]
+        self.bias = np.block(blocks) if self.biased else np.zeros((self.size, 0))
         starts = np.cumsum([0, *self.counts])
         self.places = [
             slice(starts[k], starts[k + 1])
             for k, item in enumerate(instruments)
             if isinstance(item.output, Sensor)
         ]
-        self.stations = place_loads(
-            arm, [marker(s.link, s.station) for s in self.sensors], what="Sensor"
-        )
+        points = [marker(sensor.link, sensor.station) for sensor in self.sensors]
+        self.stations = place_loads(arm, points, what="Sensor")
         self._kernels = kernels = KernelView(arm.assembly.constants, complex)
         self._point_jacobian = Entry(point_jacobian)
         self._acceleration = kernels.zeros()
@@ -89,20 +92,8 @@ class PredictedReadings:
         self._found = np.zeros((len(self._state_places) + 2, *shape))
         self._pushed = np.zeros((2, *shape))
 
-    def _bias(self) -> FloatArray:
-        """Return the derivative (size, biases) of the readings by the biases."""
-        blocks = [
-            [np.eye(count, columns) * (label == name) for name, columns in self.biased]
-            for label, count in zip(self._labels, self.counts, strict=True)
-        ]
-        return np.block(blocks) if self.biased else np.zeros((self.size, 0))
-
     def stacked(self, measurement: Measurement) -> FloatArray:
-        """Return the readings (size,) of a measurement.
-
-        Raises:
-            InputError: if a reading is missing, has the wrong length, is not finite or too large.
-        """
+        """Return the readings (size,) of a measurement."""
         given = [measurement.get(name) for name in self._labels]
         missing = [name for name, one in zip(self._labels, given, strict=True) if one is None]
         if missing:
@@ -121,10 +112,7 @@ class PredictedReadings:
         return readings
 
     def predict(self, x: FloatArray, torque: FloatArray, constants: Constants) -> Predicted:
-        """Return the readings of a state x = [q, qd] (2 dof,) and their derivatives.
-
-        ``torque`` (joints,) is the acting torque; ``constants`` are those of ``FreeParameters``.
-        """
+        """Return the readings of a state x = [q, qd] (2 dof,) and their derivatives."""
         slopes, joints = self.linear_rows.copy(), self.arm.joints
         plain, moved = constants
         by_parameters = np.zeros((self.size, len(moved)))
@@ -171,21 +159,10 @@ class PredictedReadings:
         found: FloatArray,
     ) -> None:
         arm, kernels = self.arm, self._kernels
-        self._point_jacobian(
-            kernels.sizes,
-            *constants,
-            places,
-            arm.padded(x.reshape(2, -1)).astype(complex),
-            arm.padded_torque(torque).astype(complex),
-            kernels.loads,
-            self.stations,
-            kernels.work,
-            self._acceleration,
-            self._poses,
-            self._tip,
-            self._motions,
-            found,
-        )
+        state, tau = arm.padded(x.reshape(2, -1)), arm.padded_torque(torque)
+        point = state.astype(complex), tau.astype(complex), kernels.loads, self.stations
+        buffers = kernels.work, self._acceleration, self._poses, self._tip, self._motions
+        self._point_jacobian(kernels.sizes, *constants, places, *point, *buffers, found)
 
 
 class Link(NamedTuple):
@@ -226,9 +203,8 @@ class ArmModel:
         step = self.step.take(x[layout.states], acting, self.changes(x))
         after, F = x.copy(), np.eye(layout.size)
         after[layout.states] = step.after
-        F[layout.states] = layout.derivative(
-            step.state, step.parameters, step.torque, self.mass(x)[1]
-        )
+        slopes = step.state, step.parameters, step.torque
+        F[layout.states] = layout.derivative(*slopes, self.mass(x)[1])
         G = np.zeros((layout.size, self.noise.size))
         G[layout.states] = step.torque * self.noise
         return Link(after, F, G)
@@ -254,11 +230,7 @@ class ArmModel:
 
 
 def check_instruments(arm: Arm, instruments: Sequence[Instrument]) -> None:
-    """Raise if a filter cannot use instruments on an arm.
-
-    Raises:
-        InputError: if it cannot use one of them, or none reads "joint_angle".
-    """
+    """Raise if a filter cannot use instruments on an arm."""
     problems = []
     for item in instruments:
         if not (isinstance(item.output, Sensor) or item.signal in LINEAR_SIGNALS):

@@ -117,11 +117,7 @@ _GRID = 1e-9
 
 
 def stride_and_delay(instrument: Instrument, tick: float) -> tuple[int, int]:
-    """Return the stride of the frames and the delay of the readings, in samples.
-
-    Raises:
-        InputError: if the frames are not at sample times, ``tick`` (s) apart.
-    """
+    """Return the stride of the frames and the delay of the readings, in samples."""
     every = (instrument.sample_time or tick) / tick
     if abs(every - round(every)) > _GRID * every:
         rule = f"be a multiple of the controller's sample time ({tick:g} s)"

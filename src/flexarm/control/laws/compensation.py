@@ -273,12 +273,7 @@ def _factors(maps: Callable[[ComplexArray], ComplexArray], count: int, joints: i
 
 
 class PeriodHistory:
-    """Learned torques and errors of the last period.
-
-    Args:
-        joints: number of joints. count: samples of a period. lead: samples.
-        weights: (2 half + 1,) of the filter.
-    """
+    """Learned torques and errors of the last period."""
 
     def __init__(self, joints: int, count: int, lead: int, weights: FloatArray) -> None:
         self._count, self._lead, self._weights = count, lead, weights

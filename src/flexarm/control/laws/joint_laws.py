@@ -364,7 +364,11 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
         if np.any(self.start_bound < self.bound):
             raise InputError(Problem("start_bound", "be at least bound", shown(self.start_bound)))
         self._angle_end = math.sqrt(1.0 - 1.0 / self.gain_limit)
-        self._rate_end = brentq(lambda x: _torque_slope(x) - self.gain_limit, 0.0, self._angle_end)
+
+        def excess(x: float) -> float:  # of the derivative of artanh(x) / (1 - x^2)
+            return (1.0 + 2.0 * x * math.atanh(x)) / (1.0 - x * x) ** 2 - self.gain_limit
+
+        self._rate_end = brentq(excess, 0.0, self._angle_end)
 
     @property
     def outside(self) -> int:
@@ -424,8 +428,3 @@ def _split(ratio: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
     """Return the parts of a ratio within ``end``, and beyond it."""
     near = np.minimum(np.maximum(ratio, -end), end)
     return near, ratio - near
-
-
-def _torque_slope(x: float) -> float:
-    """Return the derivative of artanh(x) / (1 - x^2)."""
-    return (1.0 + 2.0 * x * math.atanh(x)) / (1.0 - x * x) ** 2

@@ -159,12 +159,9 @@ class LQG(LQGParameters, OfArm, Controller):
         """Return the arrays that are interpolated over posture; (C.22) to (C.27)."""
         kept = np.eye(len(item.A)) - item.estimator @ item.C
         ahead = self._known_force_gain(item)
-        return [
-            np.hstack([kept, item.estimator]),
-            item.gain,
-            np.hstack([item.A, item.B, item.B_elastic]),
-            ahead.reshape(len(ahead), -1),
-        ]
+        corrected, predicted = [kept, item.estimator], [item.A, item.B, item.B_elastic]
+        ahead = ahead.reshape(len(ahead), -1)
+        return [np.hstack(corrected), item.gain, np.hstack(predicted), ahead]
 
     @property
     def _steps(self) -> int:
@@ -184,14 +181,10 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         first = () if self.nominal is not None else ("joint_angle",)
-        read = tuple(
-            dict.fromkeys(
-                [*first, *self.design_requirements.measured, *self.design_requirements.integrated]
-            )
-        )
-        return ControllerRequirements(
-            self.arm.joints, read, len(self.arm.gauges) if "strain" in read else None
-        )
+        own = self.design_requirements
+        read = tuple(dict.fromkeys([*first, *own.measured, *own.integrated]))
+        gauges = len(self.arm.gauges) if "strain" in read else None
+        return ControllerRequirements(self.arm.joints, read, gauges)
 
     @property
     def estimate(self) -> FloatArray:
@@ -199,11 +192,7 @@ class LQG(LQGParameters, OfArm, Controller):
         return np.array(self.memory.get("estimate", np.zeros(self._states)))
 
     def planned(self, t: float, reference: Reference) -> Arrays:
-        """Return the nominal motion, and its elastic forces at the nodes of the preview.
-
-        Raises:
-            InputError: for several runs without a reference: each rests at its own angles.
-        """
+        """Return the nominal motion, and its elastic forces at the nodes of the preview."""
         if self.nominal is None and isinstance(reference, Rest) and reference.angle.ndim > 1:
             rule = "is required for the readings of several runs at the same time"
             raise InputError(Problem("reference", rule))
@@ -242,18 +231,15 @@ class LQG(LQGParameters, OfArm, Controller):
         integral = memory["integral"]
         if self._integrals:
             rise = self._rise(readings, inputs)
-            request = -applied(gain[:, self._states :], rise)
+            request = -applied(gain[:, self._states :], rise)[..., None, :]
             # Do not advance if that would increase a torque at its limit. Without a branch, so
             # that the law is also evaluated over symbols.
-            integral = integral + (_dots(request, desired - torque) <= 0.0) * rise
+            integral = integral + (applied(request, desired - torque) <= 0.0) * rise
         after = {"prediction": applied(predict, pushed), "estimate": estimate, "integral": integral}
         return {**after, **more}, torque
 
     def _show(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
         """Return the measurement (T, p) at T instants of the nominal motion."""
-        return np.concatenate(self._shown_parts(angle, q, qd), axis=1)
-
-    def _shown_parts(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> list[FloatArray]:
         parts = []
         for name in self.design_requirements.measured:
             if name == "joint_angle":
@@ -266,7 +252,7 @@ class LQG(LQGParameters, OfArm, Controller):
                 bent = q[:, self._model.elastic]
                 tips = [self._model.tip(a, b) for a, b in zip(angle, bent, strict=True)]
                 parts.append(np.array(tips))
-        return parts
+        return np.concatenate(parts, axis=1)
 
     def _feedback(
         self, memory: Arrays, state: FloatArray, arrays: Sequence[FloatArray], inputs: Arrays
@@ -314,9 +300,8 @@ class LQG(LQGParameters, OfArm, Controller):
         if arm.joints != self.arm.joints:
             rule = f"have the number of joints of the arm ({self.arm.joints})"
             raise InputError(Problem("plant", rule, str(arm.joints)))
-        at = check_array(
-            "posture", self.posture if posture is None else posture, (self.arm.joints,)
-        )
+        posture = self.posture if posture is None else posture
+        at = check_array("posture", posture, (self.arm.joints,))
         with one_warning() as bent:
             poles: FloatArray = loop_at(self, plant, at).poles()
         warn_of_first(bent)
@@ -365,11 +350,6 @@ class LQG(LQGParameters, OfArm, Controller):
         return mine
 
 
-def _dots(left: FloatArray, right: FloatArray) -> Any:
-    """Return the product (1,) of two vectors (k,), or those (runs, 1) of many (runs, k)."""
-    return applied(left[..., None, :], right)
-
-
 C = TypeVar("C", bound=Controller)
 
 #: Pairs of rigidity uncertainty and recovery, in increasing order of lost performance.
@@ -387,12 +367,7 @@ def for_margin(
     postures: ArrayLike | None,
     options: dict[str, Any],
 ) -> C:
-    """Return the first controller of ``_TRIED`` with the margin; see ``LQG.for_margin``.
-
-    Raises:
-        InputError: if no controller has the margin, an argument is wrong, or ``options`` has
-            ``rigidity_uncertainty`` or ``recovery``.
-    """
+    """Return the first controller of ``_TRIED`` with the margin; see ``LQG.for_margin``."""
     rule = "be greater than 0 and less than 2"
     required = check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, rule)
     for name in ("rigidity_uncertainty", "recovery"):
@@ -432,32 +407,20 @@ def _least(
 #: `typical_rate`.
 _BANDWIDTH, _SPEED = 0.64, 1.6
 #: Outputs that the fast part may weight: those that depend on the bending of the links only.
-BENDING = (
-    "strain",
-    "link_tip_deflection",
-    "link_tip_slope",
-    "link_tip_deflection_rate",
-    "link_tip_slope_rate",
-)
+_TIPS = "link_tip_deflection", "link_tip_slope"
+BENDING = ("strain", *_TIPS, *(f"{name}_rate" for name in _TIPS))
 
 
 @dataclass(frozen=True, eq=False)
 class FastDesign:
-    """Fast part of a `Composite` controller at one posture, with k elastic coordinates.
+    """Fast part of a `Composite` controller at one posture, with k elastic coordinates."""
 
-    Attributes:
-        frequency: (k,) of the boundary layer, rad/s, lowest first.
-        flexibility: (k, k) elastic coordinates per elastic force.
-        A, B: sampled boundary layer, (2 k, 2 k) and (2 k, joints).
-        gain: (joints, 2 k) of the fast part. cost: (2 k, 2 k), its minimum cost.
-    """
-
-    frequency: FloatArray
-    flexibility: FloatArray
-    A: FloatArray
-    B: FloatArray
-    gain: FloatArray
-    cost: FloatArray
+    frequency: FloatArray  # (k,) of the boundary layer, rad/s, lowest first
+    flexibility: FloatArray  # (k, k) elastic coordinates per elastic force
+    A: FloatArray  # (2 k, 2 k) of the sampled boundary layer
+    B: FloatArray  # (2 k, joints)
+    gain: FloatArray  # (joints, 2 k) of the fast part
+    cost: FloatArray  # (2 k, 2 k), its minimum cost
 
 
 class Composite(CompositeParameters, LQG):
@@ -532,12 +495,10 @@ class Composite(CompositeParameters, LQG):
         price = np.diag(self.design_requirements.acceptable_torque**-2.0)
         weighed = rows.T @ rows
         stiffness, energy = bending(arm, model, self.design_requirements.acceptable_torque)
-        weighed[:k, :k] += bend_weight(
-            self.design_requirements.rigidity_uncertainty, stiffness, energy
-        )
-        sizes = np.append(
-            coordinate_sizes(arm), self.design_requirements.rate * coordinate_sizes(arm)
-        )
+        own = self.design_requirements
+        weighed[:k, :k] += bend_weight(own.rigidity_uncertainty, stiffness, energy)
+        sizes = coordinate_sizes(arm)
+        sizes = np.append(sizes, own.rate * sizes)
         gain, cost = regulator(A, B, weighed, price, sizes[moved])
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)

@@ -140,12 +140,7 @@ class MPC(MPCParameters, LQG):
         return more["plan"][:m] - nominal[:m], more
 
     def _limited(self, free: FloatArray, plans: dict[str, Any]) -> FloatArray:
-        """Return optimal torques (horizon joints,) within the limits, or the last plan.
-
-        Args:
-            free: (horizon joints,) those without limits, which are optimal if they are within.
-            plans: memory of the last plan, in which samples are counted.
-        """
+        """Return optimal torques (horizon joints,) within the limits, or the last plan."""
         low, high = self._bounds(free, plans["applied"])
         if np.all(low <= 0.0) and np.all(high >= 0.0):
             return free
@@ -392,10 +387,7 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
 
     @np.errstate(over="ignore", invalid="ignore")
     def _programme(self, x: FloatArray, steps: Steps, torques: FloatArray) -> _Prepared | None:
-        """Return the programme about the motion from x (2 dof,) under torques (N, joints).
-
-        The result is None if the motion or the programme overflows.
-        """
+        """Return the programme about the motion from x (2 dof,) under torques (N, joints)."""
         from scipy.linalg import lapack
 
         if not all(np.all(np.isfinite(array)) for array in steps):
@@ -431,10 +423,7 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
     def _next_plan(
         self, ready: _Prepared | None, x: FloatArray, wanted: FloatArray, plans: dict[str, Any]
     ) -> FloatArray:
-        """Return the torques (N joints,) of the programme for the state x (2 dof,) at its start.
-
-        Without a programme they are those of the last plan.
-        """
+        """Return the torques (N joints,) of the programme for the state x (2 dof,) at its start."""
         if ready is None:
             return self._shifted(self._motion.torques(self.horizon).ravel(), plans)
         _, _, torque_weight, to_integrals, previewed = self._arrays.arrays[4:]

@@ -77,9 +77,8 @@ class RobustFollower(JointFollower, RobustParameters, OfArm):
         self.posture = np.zeros(joints) if self.posture is None else np.array(self.posture)
         # The property reads another attribute, which the design sets.
         rate = typical_rate(self.arm, vars(self)["sample_time"])
-        self.bandwidth = (
-            np.full(joints, BANDWIDTH * rate) if self.bandwidth is None else self.bandwidth
-        )
+        if self.bandwidth is None:
+            self.bandwidth = np.full(joints, BANDWIDTH * rate)
         # The constructor leaves the number in the dictionary of the object, under the property.
         self._sample_time: float = vars(self).pop("sample_time")
         self._design_for(self._sample_time)
@@ -222,33 +221,29 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
     analytic = True
     references: ClassVar[str] = "SkogestadPostlethwaite2005 CollinsKingBernstein1992"
 
-    def _check_bandwidth(self, sample_time: float) -> None:
-        """Raise if the bandwidth is too low or too high for a sample time (s)."""
+    def _design_for(self, sample_time: float) -> None:
         bandwidth = np.asarray(self.bandwidth)
         low, high = _LEAST_ANGLE / sample_time, _LARGEST_ANGLE / sample_time
-        if low <= bandwidth.min() and bandwidth.max() <= high:
-            return
-        rule = f"be {low:.3g} to {high:.3g} rad/s at this sample_time"
-        least, most = _LEAST_ANGLE / bandwidth.min(), _LARGEST_ANGLE / bandwidth.max()
-        hint = f"For this bandwidth, sample_time can be {least:.3g} to {most:.3g} s."
-        hint = hint if least < most else "Its values differ too much."
-        raise InputError(Problem("bandwidth", rule, few(bandwidth), hint))
-
-    def _design_for(self, sample_time: float) -> None:
-        self._check_bandwidth(sample_time)
+        if not (low <= bandwidth.min() and bandwidth.max() <= high):
+            rule = f"be {low:.3g} to {high:.3g} rad/s at this sample_time"
+            least, most = _LEAST_ANGLE / bandwidth.min(), _LARGEST_ANGLE / bandwidth.max()
+            hint = f"For this bandwidth, sample_time can be {least:.3g} to {most:.3g} s."
+            hint = hint if least < most else "Its values differ too much."
+            raise InputError(Problem("bandwidth", rule, few(bandwidth), hint))
         if not hasattr(self, "mu"):  # once, at the construction
-            self._warn_of_no_effect()
+            arm = self.arm
+            for name, without, missing in (
+                ("payload_uncertainty", not arm.spec.payload.mass, "payload"),
+                ("rigidity_uncertainty", arm.dof == arm.joints, "flexible link"),
+            ):
+                if without and getattr(self, name):
+                    text = f"{name} has no effect: the arm has no {missing}. Set {name}=0."
+                    warn_caller(text, FlexarmWarning)
         self._sample_time = sample_time
         with one_warning() as bent:
-            plant = uncertain_plant(
-                self.arm,
-                np.asarray(self.posture),
-                np.asarray(self.bandwidth),
-                rigidity=self.rigidity_uncertainty,
-                payload=self.payload_uncertainty,
-                sensitivity=self.sensitivity,
-                sample_time=sample_time,
-            )
+            varied = self.rigidity_uncertainty, self.payload_uncertainty, self.sensitivity
+            point = np.asarray(self.posture), bandwidth
+            plant = uncertain_plant(self.arm, *point, *varied, sample_time)
         warn_of_first(bent)
         self._synthesise(plant)
         self.reset()
@@ -256,16 +251,10 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
     def _synthesise(self, plant: UncertainPlant) -> None:
         from scipy.signal import cont2discrete
 
-        found = dk_iteration(
-            plant.whole,
-            plant.blocks,
-            self._frequencies(plant),
-            iterations=self.iterations,
-            order=self.scaling_order,
-            band=(0.1 * float(np.min(np.asarray(self.bandwidth))), 0.5 / self.sample_time),
-            suboptimality=_SUBOPTIMALITY,
-            start=coprime_controller(*plant.nominal, 1.1)[:4],
-        )
+        search = self._frequencies(plant), self.iterations, self.scaling_order
+        band = 0.1 * float(np.min(np.asarray(self.bandwidth))), 0.5 / self.sample_time
+        start = coprime_controller(*plant.nominal, 1.1)[:4]
+        found = dk_iteration(plant.whole, plant.blocks, *search, band, _SUBOPTIMALITY, start)
         self.mu, self.gamma, self.history = found.mu, found.gamma, found.history
         A, B, C, D = found[:4]
         whole = A, B @ plant.shown, plant.root @ C, plant.root @ D @ plant.shown
@@ -286,17 +275,6 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
                 "or increase iterations, scaling_order or sensitivity."
             )
             warn_caller(text, FlexarmWarning)
-
-    def _warn_of_no_effect(self) -> None:
-        """Warn of uncertainties of parameters that the arm does not have."""
-        arm = self.arm
-        for name, without, missing in (
-            ("payload_uncertainty", not arm.spec.payload.mass, "payload"),
-            ("rigidity_uncertainty", arm.dof == arm.joints, "flexible link"),
-        ):
-            if without and getattr(self, name):
-                text = f"{name} has no effect: the arm has no {missing}. Set {name}=0."
-                warn_caller(text, FlexarmWarning)
 
     def _frequencies(self, plant: UncertainPlant) -> FloatArray:
         """Return frequencies (f,) rad/s in the bilinear variable, dense around resonances."""
@@ -339,46 +317,26 @@ _SENSITIVITY_BANDWIDTH = 0.5
 
 
 class UncertainPlant(NamedTuple):
-    """Generalised plant of a design, continuous in the bilinear variable of (C.140).
+    """Generalised plant of a design, continuous in the bilinear variable of (C.140)."""
 
-    Attributes:
-        whole: from (uncertainty, performance, torque) to the same; torques are normalised.
-        nominal: from the normalised torque to the shaped output.
-        blocks: sizes of the blocks; the last one is the performance.
-        root: (joints, joints), torque of a normalised one.
-        shown: (joints, 2 joints), shaped output of the errors of angles and rates.
-        model: the linear model of the arm itself.
-    """
-
-    whole: Matrices
-    nominal: Matrices
-    blocks: tuple[int, ...]
-    root: FloatArray
-    shown: FloatArray
-    model: LinearModel
+    whole: Matrices  # from (uncertainty, performance, torque) to the same; torques are normalised
+    nominal: Matrices  # from the normalised torque to the shaped output
+    blocks: tuple[int, ...]  # sizes of the blocks; the last one is the performance
+    root: FloatArray  # (joints, joints), torque of a normalised one
+    shown: FloatArray  # (joints, 2 joints), shaped output of the errors of angles and rates
+    model: LinearModel  # the linear model of the arm itself
 
 
 def uncertain_plant(
     arm: Arm,
     posture: FloatArray,
     bandwidth: FloatArray,
-    *,
     rigidity: float,
     payload: float,
     sensitivity: float,
     sample_time: float,
 ) -> UncertainPlant:
-    """Return the plant of a design at rest in a posture, with the uncertainty of varied arms.
-
-    Args:
-        arm: nominal arm. posture: (joints,) rad. bandwidth: (joints,) rad/s.
-        rigidity, payload: relative changes of the rigidity of all links and of the payload.
-        sensitivity: largest accepted sensitivity of the normalised torques, above 1.
-        sample_time: s.
-
-    Raises:
-        InputError: if a bandwidth is not below the Nyquist frequency.
-    """
+    """Return the plant of a design at rest in a posture, with the uncertainty of varied arms."""
     model = linearize(arm, equilibrium(arm, posture), outputs=("joint_angle", "joint_rate"))
     n, slope = arm.dof, model.A.copy()
     # Full complex blocks contain negative loss factors, with which light damping is unstable.
@@ -437,10 +395,7 @@ def _factors(change: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _with_performance(plant: Matrices, first: int, corner: float, sensitivity: float) -> Matrices:
-    """Return the generalised plant: performance of disturbing torques and noise is added.
-
-    ``first``: number of inputs and outputs of the uncertainty.
-    """
+    """Return the generalised plant: performance of disturbing torques and noise is added."""
     from scipy.linalg import block_diag
 
     A, B, C, D = plant
@@ -448,33 +403,15 @@ def _with_performance(plant: Matrices, first: int, corner: float, sensitivity: f
     one, none = np.eye(m), np.zeros
     slow, through = corner * _SLOW, 1.0 / sensitivity
     B_d, B_u, C_d, C_y = B[:, :first], B[:, first:], C[:first], C[first:]
-    D_dd, D_du, D_yd, D_yu = (
-        D[:first, :first],
-        D[:first, first:],
-        D[first:, :first],
-        D[first:, first:],
-    )
+    D_dd, D_du = D[:first, :first], D[:first, first:]
+    D_yd, D_yu = D[first:, :first], D[first:, first:]
     states = block_diag(A, -slow * one)
-    inputs = np.block(
-        [
-            [B_d, B_u, none((n, m)), B_u],
-            [none((m, first)), one, none((m, m)), one],
-        ]
-    )
-    outputs = np.block(
-        [
-            [C_d, none((first, m))],
-            [none((m, n)), (corner - slow * through) * one],
-            [_OUTPUT * C_y, none((m, m))],
-            [C_y, none((m, m))],
-        ]
-    )
-    direct = np.block(
-        [
-            [D_dd, D_du, none((first, m)), D_du],
-            [none((m, first)), through * one, none((m, m)), through * one],
-            [_OUTPUT * D_yd, _OUTPUT * D_yu, none((m, m)), _OUTPUT * D_yu],
-            [D_yd, D_yu, _NOISE * one, D_yu],
-        ]
-    )
+    inputs = np.block([[B_d, B_u, none((n, m)), B_u], [none((m, first)), one, none((m, m)), one]])
+    slowed = [none((m, n)), (corner - slow * through) * one]
+    zero = none((m, m))
+    outputs = np.block([[C_d, none((first, m))], slowed, [_OUTPUT * C_y, zero], [C_y, zero]])
+    uncertain = [D_dd, D_du, none((first, m)), D_du]
+    slowed = [none((m, first)), through * one, zero, through * one]
+    seen = [_OUTPUT * D_yd, _OUTPUT * D_yu, zero, _OUTPUT * D_yu]
+    direct = np.block([uncertain, slowed, seen, [D_yd, D_yu, _NOISE * one, D_yu]])
     return states, inputs, outputs, direct

@@ -64,19 +64,16 @@ class SlidingVariable:
         self._gauge = np.zeros(arm.joints, dtype=np.intp)
         self._per_strain = np.zeros(arm.joints)
         self._fed = bool(np.any(self.strain_gain > 0.0))
-        for joint in np.flatnonzero(self.strain_gain > 0.0):
-            self._find_gauge(arm, int(joint))
+        for joint in np.flatnonzero(self.strain_gain > 0.0).tolist():  # the gauge nearest the root
+            link = arm.joint_numbers[joint] - 1
+            own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
+            if not own:
+                rule = f"be 0 at joint {link + 1} (its link has no gauge off the neutral axis)"
+                value = shown(float(self.strain_gain[joint]))
+                raise InputError(Problem("strain_gain", rule, value))
+            self._gauge[joint] = min(own)[1]
+            self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
         self.reset(1.0)
-
-    def _find_gauge(self, arm: Arm, joint: int) -> None:
-        """Select the gauge nearest to the root of the joint's link."""
-        link = arm.joint_numbers[joint] - 1
-        own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
-        if not own:
-            rule = f"be 0 at joint {link + 1} (its link has no gauge off the neutral axis)"
-            raise InputError(Problem("strain_gain", rule, shown(float(self.strain_gain[joint]))))
-        self._gauge[joint] = min(own)[1]
-        self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
 
     def requirements(self, arm: Arm) -> ControllerRequirements:
         """Return the requirements of a controller of ``arm``."""
@@ -239,24 +236,11 @@ class Adaptive(AdaptiveParameters, SlidingController):
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         after, now = self._sliding.at(memory, readings, inputs)
         estimate, torque = memory["estimate"].copy(), np.zeros_like(now.s)
-        columns = self._model.regressor(
-            now.angle, now.rate, now.reference_rate, now.reference_acceleration
-        )
-        self._law(
-            columns,
-            self._model.known,
-            now.s,
-            self.damping,
-            self.adaptation,
-            self.leakage,
-            self.dead_zone,
-            self._start,
-            self._lower,
-            self._upper,
-            self.sample_time,
-            estimate,
-            torque,
-        )
+        reference = now.reference_rate, now.reference_acceleration
+        columns = self._model.regressor(now.angle, now.rate, *reference)
+        gains = self.damping, self.adaptation, self.leakage, self.dead_zone
+        limits = self._start, self._lower, self._upper, self.sample_time
+        self._law(columns, self._model.known, now.s, *gains, *limits, estimate, torque)
         return {"estimate": estimate, **after}, torque
 
 
@@ -319,29 +303,13 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
         after, now = self._sliding.at(memory, readings, inputs)
         weights, torque = memory["weights"].copy(), np.zeros_like(now.s)
         first, second = self._pairs
-        signals = np.concatenate(
-            [
-                np.ones(1),
-                now.reference_acceleration,
-                now.reference_rate,
-                np.tanh(now.reference_rate / (_SIGN * self.bandwidth)),
-                now.rate[first] * now.reference_rate[second],
-            ]
-        )
-        self._law(
-            now.angle,
-            signals,
-            now.s,
-            self._centres,
-            self._sharpness,
-            self.damping,
-            self.adaptation,
-            self.leakage,
-            self.e_modification,
-            self.sample_time,
-            weights,
-            torque,
-        )
+        signs = np.tanh(now.reference_rate / (_SIGN * self.bandwidth))
+        requested = now.reference_acceleration, now.reference_rate, signs
+        products = now.rate[first] * now.reference_rate[second]
+        signals = np.concatenate([np.ones(1), *requested, products])
+        gains = self.damping, self.adaptation, self.leakage, self.e_modification, self.sample_time
+        centres, sharpness = self._centres, self._sharpness
+        self._law(now.angle, signals, now.s, centres, sharpness, *gains, weights, torque)
         after = {"weights": weights, **after}
         if self._model is None:
             return after, torque

@@ -153,10 +153,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         return {"joint": arm.joints, "gauge": len(arm.gauges), "bending coordinate": bending}
 
     def _joint_motion(self, shapes: FloatArray, moved: FloatArray) -> FloatArray:
-        """Return the motion of the joints (joints, k) per motion in modal form, u of (C.17).
-
-        ``moved`` (k, joints) is B of (C.17), for the modes with ``shapes`` (k, dof).
-        """
+        """Return the motion of the joints (joints, k) per motion in modal form, u of (C.17)."""
         motion: FloatArray = _inverse(moved, "be moved by the joints", len(moved))
         return motion
 
@@ -182,9 +179,8 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         self._A, self._B, self._C, self._D, _ = cont2discrete(whole, self.sample_time, "bilinear")
         self._followed: Reference | None = None
         self._along: SampledFeedforward | None = None
-        self._nominal = PreviewedReference(
-            self._model, self._sag, self.sample_time, 1, self._static_strain
-        )
+        model = self._model, self._sag, self.sample_time
+        self._nominal = PreviewedReference(*model, 1, self._static_strain)
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         required = self._required(arm, reference, self.arm.joints)
@@ -195,17 +191,16 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         """Return the inputs of the inner controller, and the nominal motion with its strains."""
         nominal = self._nominal.at(t, reference)
         if reference is not self._followed:
-            self._followed, self._along = reference, self._strains_along(reference)
+            self._followed, self._along = reference, None
+            if _bends(reference):  # it computes its strains
+                strains = StrainsAlong(reference, self._strains)
+                self._along = SampledFeedforward(strains, self.sample_time)
         if self._along is None:
             strain = nominal.shown + applied(self._bend, nominal.missing)
         else:
             strain = self._along(t)
-        return {
-            **super().planned(t, reference),
-            "nominal_strain": strain,
-            "outer_angle": nominal.angle,
-            "outer_rate": nominal.qd[self.arm.joint_index],
-        }
+        outer = {"outer_angle": nominal.angle, "outer_rate": nominal.qd[self.arm.joint_index]}
+        return {**super().planned(t, reference), "nominal_strain": strain, **outer}
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         return {"state": np.zeros(len(self._A)), **super().initial_memory(readings, inputs)}
@@ -214,19 +209,10 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         state, strain = memory["state"], readings.strain - inputs["nominal_strain"]
         motion = applied(self._C, state) + applied(self._D, strain)
         m = self.arm.joints
-        shifted = {
-            **inputs,
-            "reference_angle": inputs["outer_angle"] + motion[:m],
-            "reference_rate": inputs["outer_rate"] + motion[m:],
-        }
+        shifted = {**inputs, "reference_angle": inputs["outer_angle"] + motion[:m]}
+        shifted["reference_rate"] = inputs["outer_rate"] + motion[m:]
         inside, torque = self._inner_step(memory, readings, shifted)
         return {"state": applied(self._A, state) + applied(self._B, strain), **inside}, torque
-
-    def _strains_along(self, reference: Reference | None) -> SampledFeedforward | None:
-        """Return the strains of a reference that computes them, as a function of time."""
-        if not _bends(reference):
-            return None
-        return SampledFeedforward(StrainsAlong(reference, self._strains), self.sample_time)
 
     @public_call
     def strain_correction(self, t: ArrayLike, reference: Reference) -> FloatArray:
@@ -258,10 +244,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         return found.reshape(*times.shape, found.shape[-1])
 
     def _warn_of_growth(self, highest: float) -> None:
-        """Warn if a mode that is not designed grows around joints that follow exactly.
-
-        Modes above ``highest`` (Hz) are left to the joint loop.
-        """
+        """Warn if a mode that is not designed grows around joints that follow exactly."""
         elastic, count, model = self._model.elastic, self.modes, self._linear
         n, law = len(elastic), self._law(2.0 * np.pi * self.frequency_hz)
         own = np.ix_(elastic, elastic)
@@ -274,13 +257,9 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
             push @ law.A @ law.A,
         )
         none = np.zeros((n, n))
-        loop = np.block(
-            [
-                [none, np.eye(n), np.zeros((n, len(law.A)))],
-                [np.linalg.solve(model.mass[own], np.hstack(forces))],
-                [signal, np.zeros((len(law.A), n)), law.A],
-            ]
-        )
+        rates = [none, np.eye(n), np.zeros((n, len(law.A)))]
+        accelerations = [np.linalg.solve(model.mass[own], np.hstack(forces))]
+        loop = np.block([rates, accelerations, [signal, np.zeros((len(law.A), n)), law.A]])
         poles = np.linalg.eigvals(check_result(loop, law.A))
         limit = _NEAR * 2.0 * np.pi * highest
         # Integrals of the law have poles at zero.
@@ -348,12 +327,8 @@ class PositivePositionFeedback(PositivePositionFeedbackParameters, StrainDamping
         one, zero = np.eye(count), np.zeros((count, count))
         ratio = 2.0 * self.damping_ratio
         stiffness, damping = np.diag(omega**2), np.diag(2.0 * ratio * omega)
-        return ModalLaw(
-            np.block([[zero, one], [-stiffness, -damping]]),
-            np.vstack([zero, stiffness]),
-            -(ratio**2) * np.eye(2 * count),
-            np.zeros((2 * count, count)),
-        )
+        A, B = np.block([[zero, one], [-stiffness, -damping]]), np.vstack([zero, stiffness])
+        return ModalLaw(A, B, -(ratio**2) * np.eye(2 * count), np.zeros((2 * count, count)))
 
 
 class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):
@@ -379,12 +354,8 @@ class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):
         through = 1.0 / (ratio**2 - 1.0)
         gain = np.diag(omega * np.sqrt(ratio) / (1.0 + through))
         one = np.eye(count)
-        return ModalLaw(
-            -through * gain,
-            -gain,
-            np.vstack([one, -through * gain]),
-            np.vstack([0.0 * one, -gain]),
-        )
+        outputs = np.vstack([one, -through * gain]), np.vstack([0.0 * one, -gain])
+        return ModalLaw(-through * gain, -gain, *outputs)
 
 
 class WaveBasedControl(WaveBasedControlParameters, StrainDamping):

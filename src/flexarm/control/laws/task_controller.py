@@ -85,9 +85,8 @@ class TaskController(OfArm, Controller):
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         """Return the requirements: a reference that presses needs a measured force."""
         presses = self._reads_force and hasattr(reference, "contact_force")
-        return ControllerRequirements(
-            self.arm.joints, (*JOINTS, "contact_force") if presses else JOINTS
-        )
+        measured = (*JOINTS, "contact_force") if presses else JOINTS
+        return ControllerRequirements(self.arm.joints, measured)
 
     def planned(self, t: float, reference: Reference) -> Arrays:
         """Return the requested motion and force at t (s), in the order of `TaskReference`."""
@@ -99,7 +98,14 @@ class TaskController(OfArm, Controller):
         request = self._request(after, inputs)
         state = self._task.at(angle, rate)
         if not (request.normal_x or request.normal_y):
-            return after, self._joints_follow(request, state, angle, rate)
+            # A motion without force: computed torque, regular at any posture.
+            w = self._posture_frequency
+            desired = request.acceleration + w * w * (request.angle - angle)
+            desired += 2.0 * w * (request.rate - rate)
+            torque: FloatArray = state.mass.dot(desired)
+            torque += state.bias_torque
+            torque += request.pressing
+            return after, torque
         now = TaskSample(after, inputs, request, state, readings)
         acceleration, force = self._law(now)
         posture = self._posture(request, angle, rate)
@@ -112,18 +118,6 @@ class TaskController(OfArm, Controller):
     @abstractmethod
     def _law(self, now: TaskSample) -> TipLaw:
         """Return the acceleration and the force of a reference that presses on a surface."""
-
-    def _joints_follow(
-        self, request: TaskReference, state: TaskState, angle: FloatArray, rate: FloatArray
-    ) -> FloatArray:
-        """Return the torque of a motion without force: computed torque, regular at any posture."""
-        w = self._posture_frequency
-        desired = request.acceleration + w * w * (request.angle - angle)
-        desired += 2.0 * w * (request.rate - rate)
-        torque: FloatArray = state.mass.dot(desired)
-        torque += state.bias_torque
-        torque += request.pressing
-        return torque
 
     def _posture(self, request: TaskReference, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return joint accelerations (joints,), with posture control of more than two joints."""
@@ -264,12 +258,8 @@ class Impedance(ImpedanceParameters, TaskController):
         memory, request = now.memory, now.request
         nx, ny = request.normal_x, request.normal_y
         (x, y), (x_rate, y_rate), _ = now.state.motion.tolist()
-        x, y, x_rate, y_rate = (
-            request.x - x,
-            request.y - y,
-            request.x_rate - x_rate,
-            request.y_rate - y_rate,
-        )
+        x, y = request.x - x, request.y - y
+        x_rate, y_rate = request.x_rate - x_rate, request.y_rate - y_rate
         # Apply the tangential gains in all directions, and add the difference along the normal.
         k, d = self.tangent_stiffness, self.tangent_damping
         across = (self.normal_stiffness - k) * (nx * x + ny * y)
@@ -418,13 +408,9 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         """See ``Controller.initial_memory``; ``unfelt`` is the time since a force was felt, s."""
-        return {
-            **super().initial_memory(readings, inputs),
-            "estimate": np.zeros(self._terms),
-            "friction": inputs["reference_friction"],
-            "friction_rate": 0.0,
-            "unfelt": self._released,
-        }
+        friction = {"friction": inputs["reference_friction"], "friction_rate": 0.0}
+        own = {"estimate": np.zeros(self._terms), **friction, "unfelt": self._released}
+        return {**super().initial_memory(readings, inputs), **own}
 
     def _request(self, memory: Arrays, inputs: Arrays) -> TaskReference:
         """Return the request for the estimated friction, between those of both references."""

@@ -141,15 +141,13 @@ def _operating_point(
         rule = "cannot be combined with an equilibrium, which contains its own"
         raise InputError(Problem("torque, loads and contacts", rule))
     rates = np.zeros(arm.dof) if qd is None else check_array("qd", qd, (arm.dof,))
-    refuse_open(arm, "q", q.q if isinstance(q, Equilibrium) else check_array("q", q, (arm.dof,)))
-    refuse_moving_apart(arm, "qd", q.q if isinstance(q, Equilibrium) else np.asarray(q), rates)
+    place = q.q if isinstance(q, Equilibrium) else check_array("q", q, (arm.dof,))
+    refuse_open(arm, "q", place)
+    refuse_moving_apart(arm, "qd", place, rates)
     if isinstance(q, Equilibrium):
         own = replace(q.environment, base_acceleration=environment.base_acceleration)
-        return _Point(q.q, rates, q.torque.copy(), own)
-    place = check_array("q", q, (arm.dof,))
-    tau = np.zeros(arm.joints)
-    if torque is not None:
-        tau = check_array("torque", torque, (arm.joints,))
+        return _Point(place, rates, q.torque.copy(), own)
+    tau = np.zeros(arm.joints) if torque is None else check_array("torque", torque, (arm.joints,))
     return _Point(place, rates, tau, environment)
 
 
@@ -259,17 +257,9 @@ class _Perturbed:
         kernels, motions = self.kernels, np.zeros(shape, complex)
         poses, tip = kernels.pose_arrays()
         for row in range(self.rows):
-            kernels.call(
-                point_motions,
-                self.states[row],
-                self.accelerations[row],
-                self._loads_of(row),
-                stations,
-                kernels.work,
-                poses,
-                tip,
-                motions[row],
-            )
+            now = self.states[row], self.accelerations[row], self._loads_of(row)
+            buffers = kernels.work, poses, tip
+            kernels.call(point_motions, *now, stations, *buffers, motions[row])
         return [motions[:, k] for k in range(len(sensors))]
 
     def model(self) -> LinearModel:
@@ -296,21 +286,8 @@ class _Perturbed:
             # Exact to the rounding of each entry; the products above, to that of the largest.
             small = tangent(arm, point.q, point.qd, qdd[0].real, point.environment)
             damping, stiffness = small.damping, small.stiffness
-        return LinearModel(
-            A=A,
-            B=B,
-            C=slopes[:, :size],
-            D=slopes[:, size:],
-            states=tuple(names),
-            inputs=tuple(item.name for item in self.inputs),
-            outputs=tuple(outputs),
-            units=units_of,
-            mass=mass,
-            damping=damping,
-            stiffness=stiffness,
-            q=point.q,
-            qd=point.qd,
-            torque=point.torque,
-            drift=np.concatenate([point.qd[chosen], qdd[0, chosen].real]),
-            output=seen[0].real,
-        )
+        matrices = A, B, slopes[:, :size], slopes[:, size:]
+        signals = tuple(names), tuple(item.name for item in self.inputs), tuple(outputs), units_of
+        drift = np.concatenate([point.qd[chosen], qdd[0, chosen].real])
+        operating = point.q, point.qd, point.torque, drift, seen[0].real
+        return LinearModel(*matrices, *signals, mass, damping, stiffness, *operating)

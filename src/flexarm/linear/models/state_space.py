@@ -99,8 +99,17 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
     last = arm.links
     if name == "torque":
         return [Input(f"torque[{n}]", "N m", joint=k) for k, n in enumerate(arm.joint_numbers)]
-    if name == "voltage":
-        return _voltages(arm)
+    if name == "voltage":  # the damping of these joints contains the back-EMF
+        voltages = [
+            Input(f"voltage[{n}]", "V", joint=k, gain=arm.spec.joints[n - 1].torque_per_voltage)
+            for k, n in enumerate(arm.joint_numbers)
+            if arm.spec.joints[n - 1].winding is not None
+        ]
+        if voltages:
+            return voltages
+        hint = "Give its joints a winding: fa.Joint(..., winding=fa.Winding(...))."
+        rule = "contain voltage, but no joint has a winding"
+        raise InputError(Problem("inputs", rule, hint=hint))
     if name == "tip_force":
         forces = ((1.0, 0.0), (0.0, 1.0))
         return [
@@ -115,30 +124,11 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
     raise InputError(Problem("inputs", rule, shown(name)))
 
 
-def _voltages(arm: Arm) -> list[Input]:
-    """Return the voltages of joints with a winding; their damping contains the back-EMF."""
-    voltages = []
-    for k, n in enumerate(arm.joint_numbers):
-        joint = arm.spec.joints[n - 1]
-        if joint.winding is not None:
-            voltages.append(Input(f"voltage[{n}]", "V", joint=k, gain=joint.torque_per_voltage))
-    if not voltages:
-        hint = "Give its joints a winding: fa.Joint(..., winding=fa.Winding(...))."
-        raise InputError(
-            Problem("inputs", "contain voltage, but no joint has a winding", hint=hint)
-        )
-    return voltages
-
-
 def find_outputs(arm: Arm, requested: Sequence[OutputName], contacts: int = 0) -> list[Output]:
     """Return the outputs for names and sensors, with the contacts at the operating point."""
-    counted = {
-        "joint": [str(n) for n in arm.joint_numbers],
-        "link": [str(n) for n in range(1, arm.links + 1)],
-        "gauge": [str(n) for n in range(1, len(arm.gauges) + 1)],
-        "axis": list(_AXES),
-        "contact": [str(n) for n in range(1, contacts + 1)],
-    }
+    counts = {"link": arm.links, "gauge": len(arm.gauges), "contact": contacts}
+    counted = {by: [str(n) for n in range(1, count + 1)] for by, count in counts.items()}
+    counted |= {"joint": [str(n) for n in arm.joint_numbers], "axis": list(_AXES)}
     found = []
     for item in _listed(requested):
         if isinstance(item, Sensor):
@@ -232,16 +222,9 @@ def control_system(model: Any, **options: Any) -> control.StateSpace:
         import control
     except ImportError:
         raise library_missing("python-control", "control") from None
-    return control.StateSpace(
-        model.A,
-        model.B,
-        model.C,
-        model.D,
-        inputs=list(model.inputs),
-        outputs=list(model.outputs),
-        remove_useless_states=False,
-        **options,
-    )
+    matrices = model.A, model.B, model.C, model.D
+    options |= {"inputs": list(model.inputs), "outputs": list(model.outputs)}
+    return control.StateSpace(*matrices, remove_useless_states=False, **options)
 
 
 @dataclass(frozen=True, eq=False)

@@ -145,13 +145,12 @@ class Separation:
             _sample(self.arm, self.motion, self.kept, times[k : k + _CHUNK])
             for k in range(0, max(times.size, 1), _CHUNK)
         ]
-        reference = Reference(
-            *(np.concatenate(p) for p in zip(*(a for a, _ in parts), strict=True))
+        reference, deviation = (
+            [np.concatenate(arrays) for arrays in zip(*records, strict=True)]
+            for records in zip(*parts, strict=True)
         )
-        deviation = Deviation(
-            *(np.concatenate(p) for p in zip(*(b for _, b in parts), strict=True))
-        )
-        return Separation(self.arm, self.motion, self.joints, self.kept, reference, deviation)
+        samples = Reference(*reference), Deviation(*deviation)
+        return Separation(self.arm, self.motion, self.joints, self.kept, *samples)
 
     def quasi_static(self) -> FloatArray:
         """Return the quasi-static estimate of dq (T, k), the static deflection under ``r``; (D.7).
@@ -181,10 +180,8 @@ class Separation:
         """Return the samples as an ``xarray.Dataset`` labelled with states and inputs."""
         import xarray as xr
 
-        q, tau = (
-            [f"q[{i}]" for i in self.kept],
-            [f"torque_{number}" for number in self.arm.joint_numbers],
-        )
+        q = [f"q[{i}]" for i in self.kept]
+        tau = [f"torque_{number}" for number in self.arm.joint_numbers]
         states = [f"d{name}" for name in q] + [f"d{name}/dt" for name in q]
         ref, dev = self.reference, self.deviation
         pairs, whole = ("time", "coordinate", "coordinate_too"), ("time", "arm_coordinate")
@@ -202,16 +199,11 @@ class Separation:
             "qdd": (whole, ref.qdd),
             "rigid_torque": (("time", "joint"), ref.torque, {"units": "N m"}),
         }
-        coordinates: dict[str, Any] = {
-            "time": ("time", ref.time, {"units": "s"}),
-            "state": states,
-            "state_too": states,
-            "input": tau if self.joints == "free" else [],
-            "coordinate": q,
-            "coordinate_too": q,
-            "axis": ["x", "y"],
-            "joint": self.arm.joint_numbers,
-        }
+        coordinates: dict[str, Any] = {"time": ("time", ref.time, {"units": "s"})}
+        coordinates |= dict.fromkeys(("state", "state_too"), states)
+        coordinates |= {"input": tau if self.joints == "free" else []}
+        coordinates |= dict.fromkeys(("coordinate", "coordinate_too"), q)
+        coordinates |= {"axis": ["x", "y"], "joint": self.arm.joint_numbers}
         return xr.Dataset(variables, coords=coordinates, attrs={"joints": self.joints})
 
     @public_call
@@ -291,13 +283,8 @@ def _sample(
     missing = -along.force
     missing[:, arm.joint_index] = 0.0
     by = along.force_by[:, kept][..., kept]
-    deviation = Deviation(
-        M=by[:, :, 2],
-        D=by[:, :, 1],
-        K=by[:, :, 0],
-        r=missing[:, kept],
-        tip=along.tip_by[:, :2, 0][..., kept],
-    )
+    M, D, K = (by[:, :, level] for level in (2, 1, 0))
+    deviation = Deviation(M, D, K, missing[:, kept], along.tip_by[:, :2, 0][..., kept])
     return Reference(times, q, qd, qdd, torque), deviation
 
 
@@ -317,13 +304,10 @@ class SmoothMatrices:
         self._model = model
         motion = model.motion
         # Before and after the motion the matrices are constant, so one evaluation suffices.
-        self._rest = [
-            self._packed(np.array([t])) for t in (motion.start_time - 1.0, motion.end_time)
-        ]
+        ends = motion.start_time - 1.0, motion.end_time
+        self._rest = [self._packed(np.array([t])) for t in ends]
         self._breaks = np.array(motion.breaks)
-        self._series = [
-            self._fit(a, b) for a, b in zip(self._breaks[:-1], self._breaks[1:], strict=True)
-        ]
+        self._series = [self._fit(a, b) for a, b in pairwise(self._breaks)]
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return M, D, K and r at times (T,)."""
@@ -448,9 +432,8 @@ def held_step_maps(
     """
     count = len(q)
     for first in range(0, count - 1, _CHUNK):
-        by_state, by_force = _step_maps(
-            arm, step, q, qd, slice(first, min(first + _CHUNK, count - 1))
-        )
+        part = slice(first, min(first + _CHUNK, count - 1))
+        by_state, by_force = _step_maps(arm, step, q, qd, part)
         yield first, by_state, by_force.sum(axis=2)
 
 

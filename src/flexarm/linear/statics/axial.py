@@ -53,9 +53,8 @@ def geometric_stiffness(
     a hundredth of the buckling loads. Forces of contacts act as constant loads, and those of
     closures, (rows,), as their wrenches.
     """
-    small = not closure_forces.size and _estimate(arm).surely_small(
-        np.zeros(1), *_at_rest(arm, q, environment), _NEGLIGIBLE
-    )
+    here = np.zeros(1), *_at_rest(arm, q, environment)
+    small = not closure_forces.size and _estimate(arm).surely_small(*here, _NEGLIGIBLE)
     if arm.spec.theory != "linear" or small:
         return np.zeros((arm.dof, arm.dof))
     loads = [*environment.loads, *_contact_loads(arm, q, environment.contacts)]
@@ -322,10 +321,7 @@ _of_arms: WeakKeyDictionary[Arm, AxialLoads] = WeakKeyDictionary()
 
 
 def closure_warning(arm: Arm, forces: FloatArray) -> str:
-    """Describe the largest force of a closure beside the buckling load of its links; "" if small.
-
-    ``forces`` (samples, rows), N. It may act along a link, whatever its direction is now.
-    """
+    """Describe the largest force of a closure beside the buckling load of its links, or ""."""
     if arm.spec.theory != "linear" or not forces.size:
         return ""
     gains = dict.fromkeys(range(arm.links), 0.0)

@@ -145,9 +145,6 @@ def independent_motions(arm: Arm, q: FloatArray, free: IntArray) -> Motions:
     The dependent coordinates are joints and the base as far as they move the rows: columns of J,
     chosen by factorisation with pivoting. Modes are dependent only if joints are locked, or if
     there are too few of them; then the softest ones.
-
-    Raises:
-        InputError: if the closures are not independent in these coordinates.
     """
     if not arm.closure_rows:
         nothing = np.zeros(0, dtype=np.intp)
@@ -340,8 +337,13 @@ def assembled(
             raise _remaining(arm, q, "Check the lengths, or start from a posture that is closer.")
         q = bent
     J = _scaled_jacobian(arm, q)
-    _match_rates(arm, q, qd, movable)
-    freedom = rigid.size - _rank(J[:, rigid])
+    sizes, ease = coordinate_sizes(arm), np.minimum(_FIRST * _ease(arm)[movable], 1.0)
+    to_rates = ease[:, None] * np.linalg.pinv(J[:, movable] * ease, rcond=_DEPENDENT)
+    qd[movable] -= sizes[movable] * (to_rates @ (J @ (qd / sizes)))
+    _refuse_rates(arm, "qd", J, qd, "Hold fewer joints.")
+    scaled, freedom = J[:, rigid], rigid.size
+    if scaled.size:
+        freedom -= int(np.linalg.matrix_rank(scaled, tol=_DEPENDENT))
     return AssembledState(q, qd, arm.closure_gaps(q), mobility, freedom)
 
 
@@ -356,15 +358,8 @@ def _scaled_jacobian(arm: Arm, q: FloatArray) -> FloatArray:
     return np.asarray(arm.closure_jacobian(q) * coordinate_sizes(arm) / row_sizes(arm)[:, None])
 
 
-def _rank(scaled: FloatArray) -> int:
-    return int(np.linalg.matrix_rank(scaled, tol=_DEPENDENT)) if scaled.size else 0
-
-
 def _close(arm: Arm, q: FloatArray, movable: IntArray) -> float:
-    """Change q in the coordinates ``movable`` until the loops close; return the gap that is left.
-
-    Gaps are in units of the reach or one radian.
-    """
+    """Change q in the coordinates ``movable`` until the loops close; return the remaining gap."""
     sizes, rows = coordinate_sizes(arm)[movable], row_sizes(arm)
     ease = np.minimum(_FIRST * _ease(arm)[movable], 1.0)
     best, reached, stalled = np.inf, q.copy(), 0
@@ -383,12 +378,3 @@ def _close(arm: Arm, q: FloatArray, movable: IntArray) -> float:
         q[movable] += sizes * step
     q[:] = reached
     return best
-
-
-def _match_rates(arm: Arm, q: FloatArray, qd: FloatArray, movable: IntArray) -> None:
-    """Change the rates ``movable`` as little as possible, so that the loops stay closed."""
-    sizes, J = coordinate_sizes(arm), _scaled_jacobian(arm, q)
-    ease = np.minimum(_FIRST * _ease(arm)[movable], 1.0)
-    to_rates = ease[:, None] * np.linalg.pinv(J[:, movable] * ease, rcond=_DEPENDENT)
-    qd[movable] -= sizes[movable] * (to_rates @ (J @ (qd / sizes)))
-    _refuse_rates(arm, "qd", J, qd, "Hold fewer joints.")

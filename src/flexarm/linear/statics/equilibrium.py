@@ -70,14 +70,8 @@ def tangent(
         kernels.set_closure_forces(closure_forces)
     n, width = kernels.shape
     jacobian = np.zeros((n, width, 2, n, width))
-    kernels.call(
-        inverse_jacobian,
-        arm.padded(np.stack([q, qd])).astype(complex),
-        arm.padded(qdd),
-        environment.placed(arm),
-        kernels.work,
-        jacobian,
-    )
+    motion = arm.padded(np.stack([q, qd])).astype(complex), arm.padded(qdd), environment.placed(arm)
+    kernels.call(inverse_jacobian, *motion, kernels.work, jacobian)
     kept = arm.assembly.coordinates
     by_state = jacobian.reshape(n * width, 2, n * width)[kept]
     return Tangent(arm.mass_matrix(q), by_state[:, 1, kept], by_state[:, 0, kept])
@@ -277,10 +271,7 @@ def equilibrium(
 
 
 def loose_coordinates(arm: Arm, environment: Environment) -> list[int]:
-    """Return the indices in q of coordinates of the base on which no equilibrium depends.
-
-    They have no spring, and no contact, field or load that could hold them.
-    """
+    """Return the indices in q of coordinates of the base on which no equilibrium depends."""
     if environment.contacts:
         return []
     turning = bool(np.any(arm.spec.gravity)) or bool(environment.loads)
@@ -341,10 +332,7 @@ class _Search:
         return arm.inverse_dynamics(q, rest, rest, loads=loads, contacts=self.contacts)
 
     def newton(self, q: FloatArray, fraction: float) -> FloatArray:
-        """Solve under a fraction of the load, from q; LinAlgError if it does not converge.
-
-        In independent coordinates, with the loops closed after each step.
-        """
+        """Solve under a fraction of the load, from q; LinAlgError if it does not converge."""
         from scipy.linalg import solve
 
         arm, loads = self._scaled(fraction)
@@ -456,30 +444,18 @@ class _Search:
         closing = motions.multipliers(force - self.force)
         if closing.size:
             force = force - arm.closure_jacobian(q).T @ closing
-        self._refuse_acceleration(q, force)
+        # Raise if the force would accelerate a base that nothing holds.
+        size = math.hypot(*arm.spec.gravity) * total_mass(arm)
+        size += sum(math.hypot(*load.force) for load in self.loads)
+        for coordinate in arm.assembly.base:
+            scale = size * (arm.reach if coordinate.name == "angle" else 1.0)
+            held = coordinate.place not in self.loose
+            if not held and abs(force[coordinate.place]) > _UNBALANCED * scale:
+                reason = f"no spring holds {coordinate.name} of the base against the loads."
+                raise EquilibriumError(0.0, q, reason)
         lowest = self._lowest(q, geometric_stiffness(arm, q, self.environment, closing))
-        return Equilibrium(
-            q,
-            force[arm.joint_index],
-            lowest > 0.0,
-            lowest,
-            tuple(self.loads),
-            tuple(self.contacts),
-            closing,
-        )
-
-    def _refuse_acceleration(self, q: FloatArray, force: FloatArray) -> None:
-        """Raise if a force would accelerate a base that nothing holds."""
-        if not self.loose:
-            return
-        weight = math.hypot(*self.arm.spec.gravity) * total_mass(self.arm)
-        size = weight + sum(math.hypot(*load.force) for load in self.loads)
-        for coordinate in self.arm.assembly.base:
-            if coordinate.place in self.loose:
-                scale = size * (self.arm.reach if coordinate.name == "angle" else 1.0)
-                if abs(force[coordinate.place]) > _UNBALANCED * scale:
-                    reason = f"no spring holds {coordinate.name} of the base against the loads."
-                    raise EquilibriumError(0.0, q, reason)
+        acting = tuple(self.loads), tuple(self.contacts), closing
+        return Equilibrium(q, force[arm.joint_index], lowest > 0.0, lowest, *acting)
 
     def _lowest(self, q: FloatArray, added: FloatArray | None = None) -> float:
         """Return the lowest eigenvalue of stiffness, and what is ``added`` to it, over mass."""
@@ -533,10 +509,7 @@ def _descent_step(
 
 
 def _largest_turn(arm: Arm, step: FloatArray) -> float:
-    """Return the largest rotation (rad) of a joint or of an end of a segment in a step (dof,).
-
-    Displacements of joints and bases that slide count in units of the reach.
-    """
+    """Return the largest rotation (rad) of a joint or of an end of a segment in a step (dof,)."""
     rigid = np.ones(arm.dof, dtype=bool)
     for piece in arm.assembly.pieces:
         rigid[piece.modal] = False

@@ -24,42 +24,16 @@ from flexarm.model.paths import number_at, with_number
 
 #: Exponents of the constants of a body for a factor on its whole link. Constants that are not
 #: listed do not change. They are constants of the link about its root, without the hub.
-POWERS: dict[str, dict[str, Any]] = {
-    "length": {
-        "mass": 1.0,
-        "inverse_mass": -1.0,
-        "first_moment_x": 2.0,
-        "inertia": 3.0,
-        "inverse_inertia": -3.0,
-        "length": 1.0,
-        "S": 0.5,
-        "a": 1.5,
-        "P": -0.5,
-        "dP": -1.5,
-        "w2": -4.0,
-        "D0": -1.0,
-        "G": -2.0,
-        "residual_inertia": (1.0, 2.0, 3.0),
-        "residual_tip": (0.0, 1.0, -1.0, 0.0),
-        "N": (-1.0, -2.0, -3.0),
-    },
-    "mass": {
-        "mass": 1.0,
-        "inverse_mass": -1.0,
-        "first_moment_x": 1.0,
-        "inertia": 1.0,
-        "inverse_inertia": -1.0,
-        "S": 0.5,
-        "a": 0.5,
-        "P": -0.5,
-        "dP": -0.5,
-        "w2": -1.0,
-        "G": -1.0,
-        "residual_inertia": 1.0,
-        "N": -1.0,
-    },
-    "rigidity": {"w2": 1.0},
-}
+POWERS: dict[str, dict[str, Any]] = {}
+_SHAPES = "S", "a", "P", "dP", "w2", "G"
+_SCALED = "mass", "first_moment_x", "inertia", "inverse_mass", "inverse_inertia", *_SHAPES
+_BY_LENGTH = 1.0, 2.0, 3.0, -1.0, -3.0, 0.5, 1.5, -0.5, -1.5, -4.0, -2.0
+_BY_MASS = 1.0, 1.0, 1.0, -1.0, -1.0, 0.5, 0.5, -0.5, -0.5, -1.0, -1.0
+POWERS["length"] = {"length": 1.0, "D0": -1.0, "N": (-1.0, -2.0, -3.0)}
+POWERS["length"] |= dict(zip(_SCALED, _BY_LENGTH, strict=True))
+POWERS["length"] |= {"residual_inertia": (1.0, 2.0, 3.0), "residual_tip": (0.0, 1.0, -1.0, 0.0)}
+POWERS["mass"] = {"residual_inertia": 1.0, "N": -1.0, **dict(zip(_SCALED, _BY_MASS, strict=True))}
+POWERS["rigidity"] = {"w2": 1.0}
 _LINK = re.compile(r"link_(\d+)\.(length|mass|rigidity)")
 _PAYLOAD = ("payload.mass", "payload.inertia")
 
@@ -93,9 +67,8 @@ def constants_by(arm: Arm, parameter: str) -> ArmConstants:
             shapes = piece.shapes
             if name == "length" and (np.any(shapes.rotary) or np.any(shapes.shear_parameter)):
                 rule = f"{parameter} is not supported for a link with rotary inertia or shear"
-                hint = (
-                    "Its mode shapes depend on its length. Use rotary_inertia=False and no shear."
-                )
+                hint = "Its mode shapes depend on its length. "
+                hint += "Use rotary_inertia=False and no shear."
                 raise InputError(Problem("parameter", rule, hint=hint))
         scales[link][name] = 1.0 + 1j * STEP
     moved = _scaled_constants(arm, spec, scales, complex)
@@ -144,13 +117,11 @@ def same_arrays(one: Iterable[Array], other: Iterable[Array], tolerance: float) 
 
     A column has one unit, and small entries may be rounding of larger ones.
     """
-    return all(
-        a.shape == b.shape
-        and np.all(
-            np.abs(a - b) <= tolerance * np.abs(a).max(axis=tuple(range(a.ndim - 1)), initial=0.0)
-        )
-        for a, b in zip(one, other, strict=True)
-    )
+    for a, b in zip(one, other, strict=True):
+        largest = np.abs(a).max(axis=tuple(range(a.ndim - 1)), initial=0.0)
+        if a.shape != b.shape or np.any(~(np.abs(a - b) <= tolerance * largest)):
+            return False
+    return True
 
 
 def _gauge_rows(arm: Arm, spec: ArmSpec, scales: list[dict[str, Any]], dtype: Any) -> Array:

@@ -115,13 +115,9 @@ def step_jacobian(
         moved = ArmConstants(*(c + 1j * STEP * d for c, d in zip(exact, by, strict=True)))
         named[parameter] = step_of(x, tau, moved).imag / STEP
     after = step_of(x, tau, exact).real
-    return StepJacobian(
-        after[: arm.dof],
-        after[arm.dof :],
-        np.stack(columns, axis=1),
-        np.stack(inputs, axis=1) if inputs else np.zeros((x.size, 0)),
-        named,
-    )
+    by_torque = np.stack(inputs, axis=1) if inputs else np.zeros((x.size, 0))
+    by_state = np.stack(columns, axis=1)
+    return StepJacobian(after[: arm.dof], after[arm.dof :], by_state, by_torque, named)
 
 
 def _unit(place: int, size: int) -> FloatArray:
@@ -143,9 +139,8 @@ def stepper_of(arm: Arm, method: str, h: float) -> Callable[..., FloatArray]:
         return _explicit_step(arm, kernels, _rows_of(kind), h)
     if kind is not None and issubclass(kind, Additive):
         return partial(_additive_step, arm, kernels, kind.tableau, h)
-    known = [
-        name for name, k in INTEGRATORS.items() if issubclass(k, (ExplicitRungeKutta, Additive))
-    ]
+    kinds = ExplicitRungeKutta, Additive
+    known = [name for name, k in INTEGRATORS.items() if issubclass(k, kinds)]
     rule = f"be one of {', '.join(map(repr, known))}"
     hint = ""
     if isinstance(method, str) and method in REMOVED:
@@ -162,18 +157,9 @@ def _explicit_step(
     stages, after = kernels.zeros(len(rows) - 1, 2), kernels.zeros(2)
 
     def step(x: FloatArray, torque: FloatArray, constants: ArmConstants) -> FloatArray:
-        held_torque_step(
-            kernels.sizes,
-            _complex(constants),
-            rows,
-            h,
-            arm.padded(x.reshape(2, -1)).astype(complex),
-            torque.astype(complex),
-            kernels.loads,
-            kernels.work,
-            stages,
-            after,
-        )
+        state = arm.padded(x.reshape(2, -1)).astype(complex)
+        point = state, torque.astype(complex), kernels.loads, kernels.work, stages, after
+        held_torque_step(kernels.sizes, _complex(constants), rows, h, *point)
         return arm.unpadded(after).ravel()
 
     return step
@@ -197,9 +183,8 @@ def _additive_step(
     state = arm.padded(x.reshape(2, -1)).astype(complex)
     memory = new_memory(state, h)
     record = additive_record(tableau, numbers, state)
-    held_torque_additive_step(
-        System(kernels.sizes, numbers, drive, kernels.work), record, memory, h
-    )
+    system = System(kernels.sizes, numbers, drive, kernels.work)
+    held_torque_additive_step(system, record, memory, h)
     return arm.unpadded(memory.new).ravel()
 
 
@@ -285,24 +270,12 @@ class SampledStep:
         """Write the state after the steps to ``_new``, and the last derivatives to ``_slopes``."""
         arm = self.arm
         plain, moved = constants
-        held_torque_jacobian(
-            self._kernels.sizes,
-            plain,
-            moved,
-            self._rows,
-            self._h,
-            self.steps,
-            places,
-            bodies,
-            arm.padded(x.reshape(2, -1)).astype(complex),
-            arm.padded_torque(torque).astype(complex),
-            self._kernels.loads,
-            self._kernels.work,
-            self._stages,
-            self._before,
-            self._new,
-            self._slopes[-1 - len(places) - len(bodies) :],
-        )
+        kernels, count = self._kernels, 1 + len(places) + len(bodies)
+        state, tau = arm.padded(x.reshape(2, -1)), arm.padded_torque(torque)
+        steps = self._rows, self._h, self.steps, places, bodies
+        point = state.astype(complex), tau.astype(complex), kernels.loads, kernels.work
+        buffers = self._stages, self._before, self._new, self._slopes[-count:]
+        held_torque_jacobian(kernels.sizes, plain, moved, *steps, *point, *buffers)
 
 
 def state_places(arm: Arm) -> IntArray:

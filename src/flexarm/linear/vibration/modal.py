@@ -94,10 +94,8 @@ def joint_feedback(arm: Arm, joints: Joints) -> JointFeedback:
         listed = as_list(joints)
         each = listed or []
         if listed is None or len(each) != arm.joints:
-            rule = (
-                "be 'locked', 'free', or a list with one of these, or with gains, for each of the "
-            )
-            raise InputError(Problem("joints", f"{rule}{arm.joints} joints", shown(joints)))
+            rule = "be 'locked', 'free', or a list with one of these, or with gains, for each of"
+            raise InputError(Problem("joints", f"{rule} the {arm.joints} joints", shown(joints)))
     for place, item in zip(index, each, strict=True):
         if isinstance(item, str):
             if item not in JOINTS:
@@ -180,9 +178,7 @@ class Modes:
             InputError: if ``amplitude`` is not a finite number, or there are fewer than two
                 stations.
         """
-        size = 0.1 * self.arm.reach
-        if amplitude is not None:
-            size = check_number("amplitude", amplitude)
+        size = 0.1 * self.arm.reach if amplitude is None else check_number("amplitude", amplitude)
         moved = self.displacements(check_count("stations", stations, 2, MOST_STATIONS))
         largest = np.linalg.norm(moved, axis=-1).max(axis=(1, 2), initial=0.0)
         factor = size / np.where(largest > 0.0, largest, 1.0)
@@ -276,9 +272,8 @@ def _place(
     if given is not None:
         return check_array("q", given, (arm.dof,)), environment
     angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    return arm.rest(
-        check_posture("joint_angles", angles, arm.joints, turning_joints(arm))
-    ), environment
+    angles = check_posture("joint_angles", angles, arm.joints, turning_joints(arm))
+    return arm.rest(angles), environment
 
 
 def _closure_forces(
@@ -307,8 +302,15 @@ def _small_motion(
 def _solve(
     arm: Arm, q: FloatArray, spin: float, held: JointFeedback, motions: Motions, small: Tangent
 ) -> Modes:
+    from scipy.linalg import cholesky
+
     M = motions.matrix(small.mass)
-    _check_mass(M)
+    try:
+        cholesky(M)
+    except np.linalg.LinAlgError:
+        hint = "Divide the links into segments."
+        rule = "bends links beyond the second-order theory: the mass matrix is indefinite"
+        raise InputError(Problem("the state", rule, hint=hint)) from None
     K = motions.matrix(small.stiffness + np.diag(held.stiffness))
     D = motions.matrix(small.damping + np.diag(held.damping))
     squared, vectors = _undamped(M, (K + K.T) / 2.0)
@@ -339,17 +341,6 @@ def _solve(
     )
 
 
-def _check_mass(M: FloatArray) -> None:
-    from scipy.linalg import cholesky
-
-    try:
-        cholesky(M)
-    except np.linalg.LinAlgError:
-        hint = "Divide the links into segments."
-        rule = "bends links beyond the second-order theory: the mass matrix is indefinite"
-        raise InputError(Problem("the state", rule, hint=hint)) from None
-
-
 def _displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int) -> NDArray[Any]:
     """Return displacements (k, links, stations, 2) of the axis by ``shapes`` (k, dof), exactly."""
     places = [
@@ -371,16 +362,8 @@ def _along(arm: Arm, q: FloatArray, shapes: FloatArray, placed: Any) -> FloatArr
     for shape, seen in zip(shapes, points, strict=True):
         state = arm.padded(np.stack([q + STEP * 1j * shape, still]))
         kernels.call(poses, state, body_poses, tip)
-        axis_points(
-            kernels.sizes,
-            state,
-            body_poses,
-            placed.body,
-            placed.lever,
-            placed.rows,
-            placed.shortening,
-            seen,
-        )
+        points_at = placed.body, placed.lever, placed.rows, placed.shortening
+        axis_points(kernels.sizes, state, body_poses, *points_at, seen)
     return np.asarray(points.imag / STEP)
 
 

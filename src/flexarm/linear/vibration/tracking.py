@@ -150,9 +150,8 @@ def _follow(
     named: tuple[str, str],
 ) -> ModeTracks:
     if parameter.size == 0 or np.any(np.diff(parameter) <= 0.0):
-        raise InputError(
-            Problem(named[0], "be one or more numbers in increasing order", shown(parameter))
-        )
+        rule = "be one or more numbers in increasing order"
+        raise InputError(Problem(named[0], rule, shown(parameter)))
     bent: list[FloatArray] = []
 
     def solved(at: float) -> Modes:
@@ -177,13 +176,8 @@ def _follow(
 
 
 def _row(found: Modes, chosen: NDArray[np.intp], alike: FloatArray) -> tuple[Any, ...]:
-    return (
-        found.frequency_hz[chosen],
-        found.damping_ratio[chosen],
-        found.eigenvalues[chosen],
-        found.complex_shapes[chosen],
-        alike,
-    )
+    columns = found.frequency_hz, found.damping_ratio, found.eigenvalues, found.complex_shapes
+    return *(column[chosen] for column in columns), alike
 
 
 class _Lines:

@@ -42,27 +42,13 @@ def dynamics_along(arm: Arm, q: Floats, qd: Floats, qdd: Floats) -> DynamicsAlon
     forces, tips = np.zeros((count, n, width)), np.zeros((count, 6))
     force_by = np.zeros((count, 3, n, width, n, width))
     tip_by = np.zeros((count, 3, n, width, 6))
-    kernels.call(
-        inverse_jacobian_many,
-        arm.padded(np.stack([q, qd], axis=1)).astype(complex),
-        arm.padded(qdd).astype(complex),
-        kernels.loads,
-        kernels.work,
-        *kernels.pose_arrays(),
-        np.zeros(6, dtype=complex),
-        forces,
-        tips,
-        force_by,
-        tip_by,
-    )
+    motion = arm.padded(np.stack([q, qd], axis=1)).astype(complex), arm.padded(qdd).astype(complex)
+    work = kernels.loads, kernels.work, *kernels.pose_arrays(), np.zeros(6, dtype=complex)
+    kernels.call(inverse_jacobian_many, *motion, *work, forces, tips, force_by, tip_by)
     by_force = force_by.reshape(count, 3, n * width, n * width)[:, :, kept][..., kept]
     by_tip = tip_by.reshape(count, 3, n * width, 6)[:, :, kept]
-    return DynamicsAlong(
-        force=arm.unpadded(forces),
-        tip=tips,
-        force_by=by_force.transpose(0, 3, 1, 2),
-        tip_by=by_tip.transpose(0, 3, 1, 2),
-    )
+    slopes = (by.transpose(0, 3, 1, 2) for by in (by_force, by_tip))
+    return DynamicsAlong(arm.unpadded(forces), tips, *slopes)
 
 
 class MotionTorque(ABC):

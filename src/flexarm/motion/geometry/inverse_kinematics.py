@@ -216,7 +216,10 @@ def posture_at(
     built = [built_posture(lengths, target, elbow) for elbow in ELBOWS]
     full = 2.0 * np.pi
     starts = [angles + full * np.round((bars - angles) / full) for angles in built]
-    if _on_boundary(lengths, target):
+    inner, outer = reach_limits(lengths)
+    distance = float(np.hypot(*target))
+    slack = REACH_TOLERANCE * outer
+    if distance > outer - slack or (inner > 0.0 and distance < inner + slack):
         # The only posture is straight or folded, and a search would converge slowly to it.
         return starts[0] - chain.offset
     return nearest_posture(lengths, target, bars, starts) - chain.offset
@@ -298,13 +301,6 @@ def built_posture(lengths: FloatArray, point: FloatArray, elbow: str) -> FloatAr
     return np.array([absolute[0], *np.diff(absolute), bend])
 
 
-def _on_boundary(lengths: FloatArray, point: FloatArray) -> bool:
-    inner, outer = reach_limits(lengths)
-    distance = float(np.hypot(*point))
-    slack = REACH_TOLERANCE * outer
-    return distance > outer - slack or (inner > 0.0 and distance < inner + slack)
-
-
 _POINT_TOLERANCE = 1e-13
 """Distance to the point, as a fraction of the reach, at which the iteration has arrived: a few
 hundred times the rounding of one tip position."""
@@ -340,9 +336,8 @@ def nearest_posture(
     """
     pulled, miss = damped_least_squares(lengths, point, posture)
     arrived = miss <= _ARRIVED * float(np.sum(lengths))
-    found = [
-        _descent(lengths, point, posture, q) for q in ([pulled] if arrived else []) + [*starts]
-    ]
+    starts = [pulled, *starts] if arrived else starts
+    found = [_descent(lengths, point, posture, q) for q in starts]
     return min(found, key=lambda q: float(np.sum((q - posture) ** 2)))
 
 

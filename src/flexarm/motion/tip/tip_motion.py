@@ -103,7 +103,13 @@ class TipMotion(PathMotion):
         """Return the postures along the path and their derivatives."""
         angles = self.posture(s)
         tip = self.tip_path.at(s)
-        slope, curve = _path_derivatives(self.chain.lengths, angles, tip.slope, tip.curve)
+        jacobian = tip_jacobian(self.chain.lengths, angles)
+        inverse = _pseudo_inverse(jacobian)
+        slope = _times(inverse, tip.slope)
+        turning = tip_jacobian_rate(self.chain.lengths, angles, slope)
+        idle = _times(_transposed(turning), _times(_transposed(inverse), slope))
+        idle -= _times(inverse, _times(jacobian, idle))
+        curve = idle + _times(inverse, tip.curve - _times(turning, slope))
         return JointState(angles - self.chain.offset, slope, curve)
 
 
@@ -198,19 +204,6 @@ class SingularPathError(Exception):
         self.posture = posture
 
 
-def _path_derivatives(
-    lengths: Floats, angles: Floats, way: Floats, bend: Floats
-) -> tuple[Floats, Floats]:
-    """Return dq/ds and d2q/ds2 (T, n) at ``angles`` (T, n), from dp/ds and d2p/ds2 (T, 2)."""
-    jacobian = tip_jacobian(lengths, angles)
-    inverse = _pseudo_inverse(jacobian)
-    slope = _times(inverse, way)
-    turning = tip_jacobian_rate(lengths, angles, slope)
-    idle = _times(_transposed(turning), _times(_transposed(inverse), slope))
-    idle -= _times(inverse, _times(jacobian, idle))
-    return slope, idle + _times(inverse, bend - _times(turning, slope))
-
-
 def _two_link_path(chain: RigidChain, path: TipPath, elbow: str) -> Posture:
     """Return q(s) -> (T, 2) of a two-link arm, continuous also if the tip circles the base.
 
@@ -254,11 +247,7 @@ def _two_link_posture(
 
 
 def least_norm_path(chain: RigidChain, path: TipPath, first: Floats) -> Posture:
-    """Return q(s) -> (T, n) along the least-norm path from posture `first` (n,) at its start.
-
-    Raises:
-        SingularPathError: if the path reaches a posture in which all links are nearly in one line.
-    """
+    """Return q(s) -> (T, n) along the least-norm path from posture `first` (n,) at its start."""
     from scipy.integrate import OdeSolution, solve_ivp  # slow, not required for two links
 
     lengths = chain.lengths
@@ -277,17 +266,9 @@ def least_norm_path(chain: RigidChain, path: TipPath, first: Floats) -> Posture:
         raise SingularPathError(0.0, first)
     times, steps, angles = [0.0], [], first
     for piece in pairwise((0.0, *path.breaks, 1.0)):
-        solution = solve_ivp(
-            slope,
-            piece,
-            angles,
-            method="DOP853",
-            rtol=_ODE_TOLERANCE,
-            atol=_ODE_TOLERANCE,
-            max_step=_LONGEST_STEP,
-            dense_output=True,
-            events=clearance,
-        )
+        tolerances = {"rtol": _ODE_TOLERANCE, "atol": _ODE_TOLERANCE, "max_step": _LONGEST_STEP}
+        method = {"method": "DOP853", "dense_output": True, "events": clearance}
+        solution = solve_ivp(slope, piece, angles, **method, **tolerances)
         angles = solution.y[:, -1]
         if solution.status != 0:
             raise SingularPathError(float(solution.t[-1]), angles)
@@ -385,9 +366,8 @@ def via_point_motion(
         InputError: under the conditions of `line_motion`, if a point equals the one before it, or
             the corners do not fit on the lines.
     """
-    return tip_motion(
-        arm, polygon_path(points, blend), duration, profile, elbow, start_time, posture
-    )
+    path = polygon_path(points, blend)
+    return tip_motion(arm, path, duration, profile, elbow, start_time, posture)
 
 
 @public_call

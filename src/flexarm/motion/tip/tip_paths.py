@@ -152,10 +152,7 @@ def line_path(start: ArrayLike, end: ArrayLike) -> PolynomialPath:
 
 
 def polygon_path(points: ArrayLike, blend: float | None) -> PolynomialPath:
-    """Return straight lines between world points (k, 2) m, rounded from ``blend`` m at corners.
-
-    By default the rounding begins at a quarter of the shorter of the two lines.
-    """
+    """Return straight lines between world points (k, 2) m, rounded from ``blend`` m at corners."""
     corners = _different(points)
     sides = np.diff(corners, axis=0)
     lengths = np.hypot(*sides.T)

@@ -51,10 +51,7 @@ from flexarm.simulation.loop.stability import AnalysedLoop, Poles, instability
 from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
 from flexarm.simulation.run.settings import DEFAULTS, tolerances_of
 from flexarm.simulation.run.stepping import failure_of
-from flexarm.simulation.run.tolerance import (
-    fastest_frequencies,
-    tip_units,
-)
+from flexarm.simulation.run.tolerance import fastest_frequencies, tip_units
 from flexarm.simulation.run.validity import RunawayWatch
 from flexarm.simulation.run.work import choose_by_samples
 
@@ -214,12 +211,7 @@ class _Team(NamedTuple):
     together: bool  # one call for all rows; otherwise there is one row
 
     def torque(self, t: float, values: dict[str, FloatArray], joints: int) -> FloatArray:
-        """Return the torques (rows, joints) N m from the readings of all runs.
-
-        Raises:
-            Exception: any, from the controller; InputError if the shape is wrong, or the torque
-                of a single run is not finite.
-        """
+        """Return the torques (rows, joints) N m from the readings of all runs."""
         everybody = self.rows.size == len(next(iter(values.values())))
         rows: Any = slice(None) if everybody else self.rows
         rows = rows if self.together else int(self.rows[0])
@@ -280,7 +272,13 @@ class ClosedLanes(Lanes):
             key = id(reference), sample_time
             if key not in self._references:
                 self._references[key] = sampled_reference(reference, sample_time, duration)
-            unstable = self._instability(k, arm, state)
+            # Equal loops are analysed once. Arms with changed parameters are not kept, so that
+            # another one may have the same id.
+            simulated = arm.spec if own.parameters else id(arm)
+            known = self._poles.setdefault((simulated, id(controller), id(reference)), {})
+            model, q = self._batch.model or arm, arm.unpadded(state[0])
+            analysed = model, arm, controller, reference, own.hardware, (), q, duration
+            unstable = instability(AnalysedLoop(*analysed), known)
         loop = LoopOfRun(controller, reference, self._references[key], hardware, unstable)
         return Ready(k, arm, state, loads, loop, (sample_time,))
 
@@ -289,17 +287,6 @@ class ClosedLanes(Lanes):
         longest = float(run.drive.controller.sample_time)
         choice = choose_by_samples(choice, run.arm, longest, self._shared.duration, tolerance)
         return choice._replace(doubt=friction_doubt(choice.integrator, run.arm, longest))
-
-    def _instability(self, k: int, arm: Arm, state: FloatArray) -> str:
-        """Return the warning of an unstable loop; equal loops are analysed once."""
-        own = self._batch.runs
-        controller, reference = own.item("controllers", k), own.item("references", k)
-        # Arms with changed parameters are not kept, so that another one may have the same id.
-        simulated = arm.spec if own.parameters else id(arm)
-        known = self._poles.setdefault((simulated, id(controller), id(reference)), {})
-        model, q = self._batch.model or arm, arm.unpadded(state[0])
-        loop = model, arm, controller, reference, own.hardware, (), q, self._shared.duration
-        return instability(AnalysedLoop(*loop), known)
 
     def _carry(self, group: Group, looser: float = 1.0) -> None:
         advance = partial(self._stepper(group, looser).advance, group.method)
@@ -429,12 +416,9 @@ class LaneLoop(ControlLoop):
             if loop.hardware is not None
         ]
         noises = map(NoiseOfRuns, zip(*spawned, strict=True))
-        return Sensing(
-            [
-                (Readings(item, self.sample_time, noise), self._reader(str(item.output)))
-                for item, noise in zip(hardware.instruments, noises, strict=True)
-            ]
-        )
+        pairs = zip(hardware.instruments, noises, strict=True)
+        readings = [(Readings(item, self.sample_time, noise), item.output) for item, noise in pairs]
+        return Sensing([(item, self._reader(str(output))) for item, output in readings])
 
     def _reader(self, name: str) -> _Reader:
         if name in ("joint_angle", "joint_rate"):

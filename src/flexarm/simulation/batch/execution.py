@@ -121,7 +121,6 @@ class Variations:
 def variations_of(
     arm: object,
     name: str,
-    *,
     torque: Any,
     controller: Any,
     reference: Any,
@@ -400,19 +399,14 @@ class OpenLoop:
         if self._batch.channels:
             found = channels_of_run(run, run.history.at(times), self._batch.channels)
         numbers, texts = limits_of_run(run, None, found)
-        return Outcome(
-            [k],
-            times,
-            {name: values[None] for name, values in found.items()},
-            progress.time,
-            FAILURE if failure else (log and log.ended_by) or DURATION,
-            failure,
-            run.integrator.name,
-            [" ".join(text for text, _ in notices_of(run, texts, failure))],
-            [progress.steps],
-            [progress.evaluations + run.discarded],
-            {name: values[None] for name, values in numbers.items()},
+        channels, limits = (
+            {name: values[None] for name, values in part.items()} for part in (found, numbers)
         )
+        ended_by = FAILURE if failure else (log and log.ended_by) or DURATION
+        reached = progress.time, ended_by, failure, run.integrator.name
+        notices = [" ".join(text for text, _ in notices_of(run, texts, failure))]
+        work = [progress.steps], [progress.evaluations + run.discarded]
+        return Outcome([k], times, channels, *reached, notices, *work, limits)
 
     def _new_run(self, k: int) -> tuple[Run, FloatArray]:
         """Return run k and its initial state."""
@@ -451,12 +445,7 @@ class OpenLoop:
             return state
 
     def history(self, k: int, arm: Arm, state: FloatArray, relative: float) -> PiecewiseCubic:
-        """Return the torque of run k for a relative tolerance; sets prescribed joints in ``state``.
-
-        Raises:
-            InputError: if the torque does not fit the arm.
-            FunctionError: if a function of time raises an exception.
-        """
+        """Return the torque of run k for a tolerance; sets prescribed joints in ``state``."""
         own, situation = self._batch.runs, self._batch.shared
         torque, shared = own.item("torques", k), len(own.torques) == 1 and not situation.prescribed
         with self._batch.users:
@@ -507,19 +496,13 @@ class ClosedLoop:
         attributes, times = result.attrs, result["time"].values
         ended_by = attributes["ended_by"]
         end = float(times[-1]) if ended_by != DURATION else self._batch.shared.duration
-        return Outcome(
-            [k],
-            times,
-            {name: result[name].values[None] for name in self._batch.channels},
-            end if stopped is None else stopped,
-            ended_by,
-            attributes["failure"],
-            attributes["integrator"],
-            [" ".join(warnings_of(result))],
-            [attributes["steps"]],
-            [attributes["evaluations"]],
-            {name: result[name].values[None] for name in LIMITS if name in result},
-        )
+        channels = {name: result[name].values[None] for name in self._batch.channels}
+        limits = {name: result[name].values[None] for name in LIMITS if name in result}
+        end = end if stopped is None else stopped
+        reached = end, ended_by, attributes["failure"], attributes["integrator"]
+        work = [attributes["steps"]], [attributes["evaluations"]]
+        notices = [" ".join(warnings_of(result))]
+        return Outcome([k], times, channels, *reached, notices, *work, limits)
 
 
 #: Runs of a batch, one at a time.

@@ -83,10 +83,7 @@ def fits_lanes(batch: Batch) -> bool:
 
 
 def arm_fits_lanes(arm: Arm) -> bool:
-    """Return whether lanes support the arm.
-
-    They do not support joint stops, bristles, sticking, closures and conserved momentum.
-    """
+    """Return whether lanes support the arm."""
     free = (joint.limits is None and not joint.backlash for joint in arm.spec.joints)
     assembly = arm.assembly
     followed = assembly.has_bristles or assembly.has_sticking or arm.closure_rows
@@ -118,13 +115,11 @@ class Group:
 
     def samples(self, place: int) -> FloatArray:
         """Return the samples (k, 2, n, 1 + m) of a run."""
-        samples: FloatArray = self.runs.samples[place, : self.runs.counts[place, SAMPLES]]
-        return samples
+        return np.asarray(self.runs.samples[place, : self.runs.counts[place, SAMPLES]])
 
     def unit(self, place: int) -> FloatArray:
         """Return `Tolerance.unit` of a run."""
-        unit: FloatArray = self.runs.unit[min(place, len(self.runs.unit) - 1)]
-        return unit
+        return np.asarray(self.runs.unit[min(place, len(self.runs.unit) - 1)])
 
 
 class Lanes(ABC):
@@ -234,9 +229,8 @@ class Lanes(ABC):
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         """Return the integrator of a run."""
         requested = self._settings.integrator, self._settings.step
-        return choose_integrator(
-            *requested, run.arm, tolerance, run.touch, duration=self._shared.duration
-        )
+        duration = self._shared.duration
+        return choose_integrator(*requested, run.arm, tolerance, run.touch, duration=duration)
 
     def _executed(self, group: Group) -> Iterator[Outcome]:
         """Yield the outcomes of the runs that reach their end."""
@@ -257,13 +251,10 @@ class Lanes(ABC):
         """Return runs of one group at their start."""
         arms = [run.arm for run in (ready[:1] if self._arm else ready)]
         placed = [run.loads.placed for run in ready]
-        runs = lane_runs(
-            arms_of_runs(arms, placed, self._settings.atol, self._shared.duration),
-            np.array([run.state for run in ready]),
-            np.maximum(fastest, [run.touch for run in ready]),
-            np.full(len(ready), self._shared.duration),
-            self._times,
-        )
+        states, end = np.array([run.state for run in ready]), self._shared.duration
+        constants = arms_of_runs(arms, placed, self._settings.atol, end)
+        fastest, until = np.maximum(fastest, [run.touch for run in ready]), np.full(len(ready), end)
+        runs = lane_runs(constants, states, fastest, until, self._times)
         runs.clock[:, STEP] = [method.first_step(float(rate)) for rate in runs.fastest]
         return Group(method, sizes, ready, runs)
 
@@ -331,19 +322,10 @@ class Lanes(ABC):
             pulled = axial_load(run.arm, times, samples[row], run.loads)
             notices = joined(bent, pulled, *texts[row])
             warnings.append(joined(*self._warnings(group, place, notices)))
-        return Outcome(
-            [run.number for run in own],
-            times,
-            channels,
-            self._shared.duration,
-            DURATION,
-            "",
-            group.method.name,
-            warnings,
-            counts[places, STEPS].tolist(),
-            counts[places, EVALUATIONS].tolist(),
-            limits,
-        )
+        numbers = [run.number for run in own]
+        reached = self._shared.duration, DURATION, "", group.method.name
+        work = counts[places, STEPS].tolist(), counts[places, EVALUATIONS].tolist()
+        return Outcome(numbers, times, channels, *reached, warnings, *work, limits)
 
     def _stepper(self, group: Group, looser: float) -> LaneStepper:
         """Return the stepper of a group, whose arms and loads have arrays of equal sizes."""
@@ -390,13 +372,9 @@ class OpenLanes(Lanes):
         stops = run.loads.stops_with(run.drive)
         choice = choose_by_drive(choice, run.arm, stops, self._shared.duration)
         touch = max(tolerance.fastest, run.touch)
-        start = Start(
-            run.arm,
-            run.state,
-            self._tolerance_of(run.arm)._replace(fastest=touch),
-            self._shared.duration,
-            partial(system_of, run.arm, (), run.loads, run.drive),
-        )
+        tolerance = self._tolerance_of(run.arm)._replace(fastest=touch)
+        system = partial(system_of, run.arm, (), run.loads, run.drive)
+        start = Start(run.arm, run.state, tolerance, self._shared.duration, system)
         return choose_by_work(choice, start)
 
     def _carry(self, group: Group, looser: float = 1.0) -> None:
@@ -447,11 +425,7 @@ class OpenLanes(Lanes):
 
 
 def _structure(run: Ready) -> tuple[int, ...]:
-    """Return numbers that are equal for runs in lanes of one pack.
-
-    They are the sizes of the arrays of the arm, the order of its bodies, the bodies of its loads
-    and contacts, and the identity of the factors of the loads, which are common.
-    """
+    """Return numbers that are equal for runs in lanes of one pack."""
     sizes = run_time_sizes(run.arm.assembly.constants)
     order = *sizes.joints.ravel().tolist(), *sizes.ends.ravel().tolist()
     placed = run.loads.placed
@@ -468,29 +442,17 @@ def lane_runs(
 ) -> LaneRuns:
     """Return runs at their start; the arguments are fields of ``LaneRuns``."""
     count = len(states)
-    return LaneRuns(
-        *constants,
-        state=states,
-        fastest=fastest,
-        clock=np.zeros((count, CLOCK_PLACES)),
-        counts=np.zeros((count, COUNT_PLACES), dtype=np.int64),
-        status=np.full(count, Status.PAUSED.value),
-        sample_times=times,
-        samples=np.empty((count, times.size, *states.shape[1:])),
-        until=until,
-    )
+    clock, status = np.zeros((count, CLOCK_PLACES)), np.full(count, Status.PAUSED.value)
+    counts = np.zeros((count, COUNT_PLACES), dtype=np.int64)
+    samples = np.empty((count, times.size, *states.shape[1:]))
+    progress = states, fastest, clock, counts, status
+    return LaneRuns(*constants, *progress, times, samples, until)
 
 
 def arms_of_runs(
     arms: Sequence[Arm], loads: Sequence[Loads], atol: float | None, horizon: float
 ) -> tuple[ArmConstants, FloatArray, Loads, Contacts]:
-    """Return constants, units of the tolerance, loads and contacts, in the form of ``LaneRuns``.
-
-    Args:
-        arms: of each run, or one of all.
-        loads: of each run, on the same bodies. With one arm, only the contacts differ.
-        atol, horizon: of all runs, see ``tolerance_of``.
-    """
+    """Return constants, units of the tolerance, loads and contacts, in the form of ``LaneRuns``."""
     found = [arm.assembly.constants for arm in arms]
     constants = ArmConstants(*(np.stack(arrays) for arrays in zip(*found, strict=True)))
     scales = [absolute_tolerance(arm, atol, 1.0)[1] for arm in arms]
@@ -517,15 +479,10 @@ def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHist
         ends = starts + sizes
         places[id(history)] = np.stack([starts, ends], axis=1).ravel()
         starts = ends
-    return LaneDrive(
-        breaks=np.concatenate([history.breaks for history in different]),
-        coefficients=np.concatenate(
-            [arm.padded_torque(history.coefficients) for history in different]
-        ),
-        stops=np.concatenate(stops),
-        places=np.array([places[id(history)] for history in histories]),
-        **_factors_of(loads),
-    )
+    breaks = np.concatenate([history.breaks for history in different])
+    cubics = np.concatenate([arm.padded_torque(history.coefficients) for history in different])
+    of_runs = np.array([places[id(history)] for history in histories])
+    return LaneDrive(breaks, cubics, np.concatenate(stops), of_runs, **_factors_of(loads))
 
 
 def held_drive(count: int, pieces: int, bodies: int, loads: LoadHistory) -> LaneDrive:

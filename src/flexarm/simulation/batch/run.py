@@ -16,14 +16,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.base.arguments import check_kind, check_options
-from flexarm.base.errors import (
-    FlexarmWarning,
-    InputError,
-    Problem,
-    public_call,
-    shown,
-    warn_caller,
-)
+from flexarm.base.errors import FlexarmWarning, InputError, Problem, public_call, shown, warn_caller
 from flexarm.base.processes import check_workers
 from flexarm.control.contract.base import Controller, Reference
 from flexarm.integrate.base import FloatArray
@@ -86,18 +79,8 @@ COUNTS = {"steps": "accepted steps", "evaluations": "evaluations of the dynamics
 _END_TIME = {"units": "s", "long_name": "time reached by the run"}
 _RUN = {"long_name": "run, counted from 0"}
 #: Names that reductions cannot have.
-TAKEN = (
-    *CHANNELS,
-    *LIMITS,
-    *TEXTS,
-    *COUNTS,
-    "end_time",
-    "run",
-    "time",
-    "seed",
-    "position",
-    "station",
-)
+_COORDINATES = "run", "time", "seed", "position", "station"
+TAKEN = (*CHANNELS, *LIMITS, *TEXTS, *COUNTS, "end_time", *_COORDINATES)
 #: Options of ``simulate`` that are the same for all runs.
 _OWN = {
     *("arm", "duration", "torque", "controller", "reference", "plant", "hardware", "initial"),
@@ -122,16 +105,10 @@ class Recorder:
         self._batch, runs, arm = batch, batch.runs.count, batch.runs.arms[0]
         self._times, self._stride = batch.shared.times, stride
         self._reductions = reductions
-        self._sizes = {
-            "joint": arm.joints,
-            "link": arm.links,
-            "axis": 2,
-            "direction": 3 if arm.assembly.base else 0,
-            "coordinate": arm.dof,
-            "gauge": len(arm.gauges),
-            "contact": len(batch.shared.environment.contacts),
-            "station": batch.shared.settings.stations,
-        }
+        self._sizes = {"joint": arm.joints, "link": arm.links, "axis": 2, "coordinate": arm.dof}
+        self._sizes |= {"gauge": len(arm.gauges), "direction": 3 if arm.assembly.base else 0}
+        self._sizes["contact"] = len(batch.shared.environment.contacts)
+        self._sizes["station"] = batch.shared.settings.stations
         needed = {f"reductions[{name!r}]": item.channels for name, item in reductions.items()}
         self._check({"channels": tuple(channels), **needed})
         stored = self._times[::stride].size
@@ -214,14 +191,10 @@ class Recorder:
         """Return the labelled dataset."""
         import xarray as xr
 
-        variables: dict[str, Any] = {
-            name: (
-                ("run", "time", *CHANNELS[name].dims),
-                values,
-                channel_labels(self._batch.runs.arms[0], name),
-            )
-            for name, values in self._channels.items()
-        }
+        variables, arm = dict[str, Any](), self._batch.runs.arms[0]
+        for name, values in self._channels.items():
+            dims = "run", "time", *CHANNELS[name].dims
+            variables[name] = dims, values, channel_labels(arm, name)
         for name, item in self._reductions.items():
             variables[name] = (("run", *item.dims), self._reduced[name], item.labels)
         limits = {name: self._limits[name] for name in LIMITS if name in self._limits}
@@ -239,9 +212,8 @@ class Recorder:
         instruments = (variations.hardware and variations.hardware.instruments) or ()
         names = [item.label for item in instruments if item.limit < np.inf]
         label = {"long_name": "instrument with a limit"}
-        found = coordinates_of(
-            variations.arms[0], self._times[:: self._stride], sizes["station"], sizes["contact"]
-        )
+        times, counts = self._times[:: self._stride], (sizes["station"], sizes["contact"])
+        found = coordinates_of(variations.arms[0], times, *counts)
         found["instrument"] = ("instrument", names, label)
         if not variations.same_arm:
             found.pop("position", None)  # the lengths of the links may differ
@@ -346,18 +318,9 @@ def simulate_batch(
     names = _channels(channels)
     reduced = check_reductions(reductions, TAKEN)
     model = None if plant is None else check_kind("arm", arm, Arm)
-    own = variations_of(
-        arm if plant is None else plant,
-        "arm" if plant is None else "plant",
-        torque=torque,
-        controller=controller,
-        reference=reference,
-        hardware=hardware,
-        initial=initial,
-        initial_rate=initial_rate,
-        parameters=parameters,
-        seeds=seeds,
-    )
+    acting = torque, controller, reference, hardware, initial, initial_rate, parameters, seeds
+    name, given = ("arm", arm) if plant is None else ("plant", plant)
+    own = variations_of(given, name, *acting)
     first = own.arms[0]
     shared = Situation(arm=first, duration=duration, settings=checked, **options)
     own.check_events(shared.events)

@@ -104,7 +104,8 @@ def compare(
             hint = f"Use {name}s={{'name': ...}}." if name != "torque" else ""
             raise InputError(Problem(name, "is not an argument of compare", hint=hint))
     for name, items in given.items():
-        if not isinstance(items, Mapping) or not items or not all(map(_is_word, items)):
+        named = isinstance(items, Mapping) and all(isinstance(name, str) for name in items)
+        if not named or not items:
             rule = "be a dictionary by name with at least one entry"
             raise InputError(Problem(name, rule, shown(items)))
     duration = check_positive("duration", duration)
@@ -133,18 +134,10 @@ def compare(
     return table
 
 
-def _is_word(name: object) -> bool:
-    return isinstance(name, str)
-
-
 def check_settling(settling: object, duration: float, references: Mapping[str, Any]) -> None:
     """Raise if a settling time is not a time or leaves nothing of a run of ``duration`` (s).
 
     A motion that ends with the run or after it is accepted: its metrics after the motion are NaN.
-
-    Raises:
-        InputError: if ``settling`` is negative, not less than the duration, or not less than the
-            time between the end of a motion and the end of the run.
     """
     rule = f"be at least 0 and less than the duration of {duration:g} s"
     left_out = check_number("settling", settling, lambda time: 0.0 <= time < duration, rule)
@@ -181,15 +174,7 @@ def runs_of(names: Mapping[str, Sequence[str]]) -> list[tuple[str, ...]]:
 def comparison(
     names: Mapping[str, Sequence[str]], evaluations: Iterable[Evaluation], progress: bool | None
 ) -> xr.Dataset:
-    """Create the table of ``compare``.
-
-    Args:
-        names: of controllers, plants and references.
-        evaluations: of the runs ``runs_of(names)``.
-
-    Raises:
-        InputError: if the arguments of the first run are invalid.
-    """
+    """Create the table of ``compare``."""
     import xarray as xr
 
     shape = tuple(len(names[dim]) for dim in _DIMS)
@@ -220,32 +205,19 @@ def comparison(
 
 
 class Evaluation(NamedTuple):
-    """Metrics of one run.
+    """Metrics of one run."""
 
-    Attributes:
-        metrics: by name; empty for a run that failed.
-        failure: why the run stopped early, or empty.
-        warning: warnings of a complete run, or empty.
-        unstable: the text on an unstable loop, or empty.
-        refusal: the error of a run that could not start because of its arguments.
-    """
-
-    metrics: Mapping[str, float] = {}
-    failure: str = ""
-    warning: str = ""
-    unstable: str = ""
-    refusal: InputError | None = None
+    metrics: Mapping[str, float] = {}  # by name; empty for a run that failed
+    failure: str = ""  # why the run stopped early, or empty
+    warning: str = ""  # warnings of a complete run, or empty
+    unstable: str = ""  # the text on an unstable loop, or empty
+    refusal: InputError | None = None  # of a run that could not start because of its arguments
 
 
 def evaluated(
     run: Callable[[], tuple[xr.Dataset, Reference]], arm: Arm, settling: float
 ) -> Evaluation:
-    """Simulate one run and return its metrics, also if it fails.
-
-    Args:
-        run: function that returns the result and its reference.
-        arm, settling: as for ``metrics_of``.
-    """
+    """Simulate one run and return its metrics, also if it fails."""
     try:
         with warnings.catch_warnings():  # kept with the numbers
             warnings.simplefilter("ignore", FlexarmWarning)

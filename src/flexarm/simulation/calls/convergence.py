@@ -219,13 +219,9 @@ class _Study:
         self.limited = False  # whether a finer run would have exceeded the limit of the work
         self.failures: list[FlexarmError] = []
         request = _COMPARED * self.accuracy / reach_of(situation.simulated)
-        self._settings = replaced(
-            situation.settings,
-            accuracy=None,
-            rtol=tolerance_of_request(request),
-            specialized=False,
-            progress=False,
-        )
+        plain = {"accuracy": None, "specialized": False, "progress": False}
+        settings = replaced(situation.settings, rtol=tolerance_of_request(request), **plain)
+        self._settings = settings
 
     def uniform(self, step: int) -> Mesh:
         """Return the mesh with the same step of all flexible links."""
@@ -246,11 +242,10 @@ class _Study:
 
     def arm_of(self, mesh: Mesh) -> Arm:
         """Return the arm with a mesh."""
+        each = zip(self.links, self.divisible, self.sizes(mesh), strict=True)
         links = [
             _meshed(link if divisible or not mesh.undamped else link.replace(damping=None), *size)
-            for link, divisible, size in zip(
-                self.links, self.divisible, self.sizes(mesh), strict=True
-            )
+            for link, divisible, size in each
         ]
         return Arm(self.spec.replace(links=links, theory=mesh.theory))
 
@@ -283,11 +278,7 @@ class _Study:
         return [mesh for mesh in self.runs if not mesh.undamped]
 
     def run(self, mesh: Mesh) -> _Run:
-        """Return the run of a mesh.
-
-        Raises:
-            FlexarmError: if the first runs fail, such as by a wrong argument.
-        """
+        """Return the run of a mesh."""
         if mesh not in self.runs:
             self.runs[mesh] = self._executed(mesh)
         return self.runs[mesh]
@@ -417,7 +408,12 @@ class _Study:
     def coarsened(self) -> Mesh:
         """Return the cheapest accurate mesh, after making its links coarser one by one."""
         mesh = next(filter(self.is_accurate, self.candidates), self.reference)
-        for link in self._fast_links(mesh):
+        highest = np.zeros(len(self.links))
+        for piece in self.arm_of(mesh).assembly.pieces:
+            highest[piece.link] = max(highest[piece.link], piece.shapes.w2.max(initial=0.0))
+        for link in np.argsort(-highest, kind="stable").tolist():
+            if not mesh.steps[link]:  # rigid
+                continue
             low, high = self.least(link), mesh.steps[link]
             while low < high and self._has_room(self.run(mesh).work):
                 steps = list(mesh.steps)
@@ -432,13 +428,6 @@ class _Study:
         runs = {mesh: self.run(mesh) for mesh in filter(self.is_accurate, self.candidates)}
         order = {mesh: (run.far, run.work, mesh.theory) for mesh, run in runs.items()}
         return min(order, key=order.__getitem__, default=mesh)
-
-    def _fast_links(self, mesh: Mesh) -> list[int]:
-        """Return the flexible links (from 0), from the one with the highest frequency."""
-        highest = np.zeros(len(self.links))
-        for piece in self.arm_of(mesh).assembly.pieces:
-            highest[piece.link] = max(highest[piece.link], piece.shapes.w2.max(initial=0.0))
-        return [int(k) for k in np.argsort(-highest, kind="stable") if mesh.steps[k]]
 
     def reason(self) -> str:
         """Return why the study ended, and what the user can do."""

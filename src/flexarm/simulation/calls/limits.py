@@ -43,13 +43,7 @@ _STRIDE = 8
 
 
 def motor_numbers(since: FloatArray, saturated: BoolArray, end: float) -> dict[str, FloatArray]:
-    """Return the share of the time that motors are at a limit, and the longest time there.
-
-    Args:
-        since: (k,) s, times from which each row of ``saturated`` holds.
-        saturated: (k, joints), or (k, runs, joints).
-        end: s, of the run.
-    """
+    """Return the share of the time that motors are at a limit, and the longest time there."""
     shape = (-1, *(1,) * (saturated.ndim - 1))
     ends = np.append(since[1:], end).reshape(shape)
     lasting = ends - since.reshape(shape)
@@ -72,11 +66,6 @@ def motor_warning(
 
     Harm is an angle error that grows by much while the motor is at its limit, or that stays large
     because the motor does not leave it.
-
-    Args:
-        times, angle: (samples,) s and (samples, joints) rad.
-        limits: ``since`` and ``saturated`` (k, joints), as for ``motor_numbers``.
-        numbers: of ``motor_numbers``, (joints,) each.
     """
     since, saturated = limits
     if reference is None or not saturated.any() or len(times) < 2:
@@ -99,9 +88,11 @@ def motor_warning(
     number, share = arm.joint_numbers[worst], float(numbers["saturation"][worst])
     longest = float(numbers["longest_saturation"][worst])
     cure = "use a slower motion or a stronger motor; see docs/how-to/sense-and-act.md."
-    if _without_limit(controller):
-        cure = "give the limit to the controller (torque_limit=), so that it does not wind up, or "
-        cure += "use a slower motion or a stronger motor; see docs/how-to/sense-and-act.md."
+    # A controller, or one inside, that accepts the limit of the motors but has none winds up.
+    own = (getattr(law, "torque_limit", 0.0) for law in around(controller))
+    if any(x is None or not np.isfinite(np.asarray(x, dtype=float)).all() for x in own):
+        more = "give the limit to the controller (torque_limit=), so that it does not wind up, or"
+        cure = f"{more} {cure}"
     return (
         f"motor {number} is at its limit for {share:.0%} of the run, up to {longest:.3g} s at a "
         f"time, and the error of its joint reaches {error[:, worst].max():.3g} rad: {cure}"
@@ -121,12 +112,6 @@ def _harm(error: FloatArray, saturated: BoolArray) -> float:
     if saturated[-1] and 2 * (end - begin) >= len(error) and part[-1] >= 0.9 * part[0]:
         most = max(most, float(part[-1]))
     return most
-
-
-def _without_limit(controller: object) -> bool:
-    """Return whether a controller, or one inside, accepts the limit of the motors but has none."""
-    limits = (getattr(law, "torque_limit", 0.0) for law in around(controller))
-    return any(x is None or not np.isfinite(np.asarray(x, dtype=float)).all() for x in limits)
 
 
 def instrument_numbers(readings: Sequence[Readings]) -> dict[str, FloatArray]:
@@ -197,11 +182,7 @@ def _joints(arm: Arm) -> list[Any]:
 
 
 def deep_contact(arm: Arm, placed: Contacts, states: FloatArray) -> str:
-    """Describe the deepest of contacts that are deeper than plausible; empty if none is.
-
-    Args:
-        states: (samples, 2, n, 1 + m).
-    """
+    """Describe the deepest of contacts that are deeper than plausible; empty if none is."""
     if not placed.body.size or not len(states):
         return ""
     reach = arm.reach
@@ -243,11 +224,8 @@ def limits_of_run(
         numbers |= motor_numbers(since, saturated, run.progress.time)
         times = run.sample_times[: run.progress.sample]
         angle = run.samples[: len(times), 0, run.arm.assembly.joint_body, 0]
-        texts.append(
-            motor_warning(
-                run.arm, loop.controller, loop.reference, times, angle, (since, saturated), numbers
-            )
-        )
+        law, limits = (loop.controller, loop.reference), (since, saturated)
+        texts.append(motor_warning(run.arm, *law, times, angle, limits, numbers))
     return numbers, list(filter(None, texts))
 
 
@@ -276,27 +254,19 @@ def add_limits(
     if not numbers:
         return dataset
     dataset = dataset.assign(limit_variables(numbers))
-    names = limited_names(readings)
+    names = [item.labels[0] for item in readings if item.limited]
     if names:
         label = {"long_name": "instrument with a limit"}
         dataset = dataset.assign_coords(instrument=("instrument", names, label))
     return dataset
 
 
-def limited_names(readings: Sequence[Readings]) -> list[str]:
-    """Return the names of the readings of instruments that have a limit."""
-    return [item.labels[0] for item in readings if item.limited]
-
-
 def limit_variables(
     numbers: Mapping[str, FloatArray], before: Sequence[str] = ()
 ) -> dict[str, tuple[tuple[str, ...], FloatArray, dict[str, str]]]:
     """Return numbers of ``LIMITS`` as variables of a dataset; ``before``: dimensions in front."""
-    return {
-        name: (
-            (*before, *LIMITS[name].dims),
-            values,
-            {"units": LIMITS[name].unit, "long_name": LIMITS[name].meaning},
-        )
-        for name, values in numbers.items()
-    }
+    variables = {}
+    for name, values in numbers.items():
+        labels = {"units": LIMITS[name].unit, "long_name": LIMITS[name].meaning}
+        variables[name] = (*before, *LIMITS[name].dims), values, labels
+    return variables

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -60,11 +60,7 @@ def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArr
 def metrics_of(
     result: xr.Dataset, arm: Arm, reference: Reference, settling: float = 0.0
 ) -> dict[str, float]:
-    """Return ``METRICS`` of a closed-loop result; NaN if the run or the reference lacks the data.
-
-    Args:
-        arm, reference, settling: as for ``Goal``.
-    """
+    """Return ``METRICS`` of a closed-loop result; NaN where the run or the reference lacks data."""
     channels = {name: result[name].values for name in MEASURED if name in result}
     values = Goal(arm, reference, result["time"].values, settling).metrics(channels)
     if "saturation" in result:
@@ -118,24 +114,16 @@ class Goal:
             values["residual_vibration"] = float(np.hypot(*about.T).max())
         values["torque_rms"] = _rms(np.hypot.reduce(torque, axis=1))
         values["torque_peak"] = float(abs(torque).max())
-        if moving.any() and "contact_force" in channels:
-            missed_force = self._force_error(channels["contact_force"])
-            if missed_force is not None:
-                values["force_error_rms"] = _rms(missed_force)
-                values["force_error_peak"] = float(abs(missed_force).max())
+        force: Any = getattr(self._reference, "contact_force", None)
+        normal: Any = getattr(self._reference, "normal", None)
+        if moving.any() and "contact_force" in channels and None not in (force, normal):
+            now = self._times[moving].tolist()
+            across = np.array([normal(t) for t in now])
+            felt = np.sum(across * channels["contact_force"][moving, 0], axis=1)
+            error = felt - np.array([force(t) for t in now])
+            values["force_error_rms"] = _rms(error)
+            values["force_error_peak"] = float(abs(error).max())
         return values
-
-    def _force_error(self, contact_force: FloatArray) -> FloatArray | None:
-        """Return the error of the normal force during the motion, N; None without a reference."""
-        force = getattr(self._reference, "contact_force", None)
-        normal = getattr(self._reference, "normal", None)
-        if force is None or normal is None:
-            return None
-        now = self._times[self._moving]
-        desired = np.array([force(float(t)) for t in now])
-        across = np.array([normal(float(t)) for t in now])
-        missed: FloatArray = np.sum(across * contact_force[self._moving, 0], axis=1) - desired
-        return missed
 
 
 def reference_angles(reference: Reference, times: FloatArray, joints: int) -> FloatArray:

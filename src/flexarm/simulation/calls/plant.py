@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, Unpack
 
 import numpy as np
@@ -118,21 +117,17 @@ class Plant:
         compiled = check_flag("specialized", specialized) or bool(settings and settings.specialized)
         environment = Environment.of(arm, tip_force, loads, base_acceleration, contacts)
         if duration is None:
-            _refuse_functions(environment)
+            factors = [environment.base_acceleration, *(load.factor for load in environment.loads)]
+            if any(map(callable, factors)):
+                rule = "is required with loads or a base acceleration that are functions of time"
+                hint = "Tables (times, values) do not need it."
+                raise InputError(Problem("duration", rule, hint=hint))
         self.duration = math.inf if duration is None else check_positive("duration", duration)
         self._hardware, self._warn = hardware, check_flag("warn", warn)
         self._bending, self._tip = BendingWatch(arm), TipMotion(arm)
-        self._new_run = partial(
-            new_run,
-            arm,
-            settings=replaced(checked, specialized=compiled),
-            duration=self.duration,
-            sample_times=np.zeros(0),
-            spacing=self.sample_time,
-            environment=environment,
-            meter=Meter("stepping", False),
-            changes=changes,
-        )
+        settings, meter = replaced(checked, specialized=compiled), Meter("stepping", False)
+        span = settings, self.duration, np.zeros(0), self.sample_time
+        self._given = *span, environment, meter, None, changes
         self._reset(None, None, None)
         if self._loop.run.doubt and warn:
             warn_caller(self._loop.run.doubt, AccuracyWarning)
@@ -177,7 +172,7 @@ class Plant:
             check_count("seed", seed, least=0, most=2**63 - 1)
         if hardware is not None and seed is not None:
             hardware = hardware.replace(seed=seed)
-        run = self._new_run(state=state)
+        run = new_run(arm, state, *self._given)
         run.loads_of = None  # a plant repeats no run, and a user's function cannot be pickled
         if initial is not None:
             warn_of_degrees(initial=arm.joint_angles(initial)[turning_joints(arm)])
@@ -205,7 +200,14 @@ class Plant:
         """
         loop = self._loop
         command = check_array("torque", torque, (self.arm.joints,))
-        self._check_time((loop.tick + 1) * self.sample_time)
+        until = (loop.tick + 1) * self.sample_time
+        if self._stopped_at is not None:
+            rule = f"stopped at t = {self._stopped_at:.6g} s and must be reset"
+            raise InputError(Problem("the plant", rule))
+        # The sum of the sample times may exceed the duration by rounding.
+        if until > self.duration * (1.0 + 1e-12):
+            rule = f"be at most the duration of the plant ({self.duration:.6g} s)"
+            raise InputError(Problem("the next sample time", rule, f"{until:.6g} s"))
         if loop.tick == 0:  # not in __init__, because a reset may first move the arm
             start, contacts = loop.run.progress.state, loop.run.loads.placed.contacts
             refuse_deep_start(self.arm, start, contacts)
@@ -220,15 +222,6 @@ class Plant:
             if self.warning and self._warn:
                 warn_caller(self.warning, LargeDeflectionWarning)
         return self.measurement
-
-    def _check_time(self, until: float) -> None:
-        if self._stopped_at is not None:
-            rule = f"stopped at t = {self._stopped_at:.6g} s and must be reset"
-            raise InputError(Problem("the plant", rule))
-        # The sum of the sample times may exceed the duration by rounding.
-        if until > self.duration * (1.0 + 1e-12):
-            rule = f"be at most the duration of the plant ({self.duration:.6g} s)"
-            raise InputError(Problem("the next sample time", rule, f"{until:.6g} s"))
 
     @property
     def time(self) -> float:
@@ -271,13 +264,4 @@ class Plant:
         """Forces (contacts, 2) of contacts on the arm, N, world axes."""
         run = self._loop.run
         state = run.progress.state[None]
-        forces: FloatArray = contact_forces(self.arm, run.loads.placed.contacts, state)[0]
-        return forces
-
-
-def _refuse_functions(environment: Environment) -> None:
-    """Raise if a plant without duration has functions of time, which need an end."""
-    factors = [load.factor for load in environment.loads]
-    if callable(environment.base_acceleration) or any(callable(factor) for factor in factors):
-        rule = "is required with loads or a base acceleration that are functions of time"
-        raise InputError(Problem("duration", rule, hint="Tables (times, values) do not need it."))
+        return np.asarray(contact_forces(self.arm, run.loads.placed.contacts, state)[0])

@@ -72,9 +72,6 @@ class Situation:
     """Arguments of a run, with the meaning that ``simulate`` gives them.
 
     Creating it validates the objects; the rest is validated when a run is created.
-
-    Raises:
-        InputError: if an object has the wrong type, or two arguments contradict each other.
     """
 
     arm: Arm
@@ -174,27 +171,11 @@ class Situation:
         return load_history(arm, self.environment, *sampling, known)
 
     def new_run(self, meter: Meter) -> Run:
-        """Create a run.
-
-        Raises:
-            InputError: if an argument does not fit the arm, the initial state is deep inside a
-                surface, or a reference presses away from one.
-        """
+        """Create a run."""
         arm, state = self.simulated, self.start.copy()
-        log = event_log(arm, self.events)
-        run = new_run(
-            arm,
-            state,
-            self.settings,
-            duration=self.duration,
-            sample_times=self.times,
-            spacing=1.0 / self.settings.rate,
-            environment=self.environment,
-            meter=meter,
-            log=log,
-            changes=self.changes,
-            prescribed=tuple(self.prescribed or ()),
-        )
+        log, prescribed = event_log(arm, self.events), tuple(self.prescribed or ())
+        span = self.duration, self.times, 1.0 / self.settings.rate, self.environment, meter
+        run = new_run(arm, state, self.settings, *span, log, self.changes, prescribed)
         placed = run.loads.placed.contacts
         refuse_deep_start(arm, state, placed)
         refuse_pressing_outward(arm, self.contacts, placed, self.reference, self.duration)
@@ -241,15 +222,7 @@ def situation_of(
     settings: RunSettings | None,
     arguments: Mapping[str, Any],
 ) -> Situation:
-    """Return the situation of a call.
-
-    Args:
-        function: the called one, decorated by `with_keywords`.
-        arguments: its keyword arguments.
-
-    Raises:
-        InputError: if an argument does not exist, has the wrong type, or contradicts another.
-    """
+    """Return the situation of a call."""
     if not arguments.keys() <= vars(function)["keywords"] | {"torque"}:
         raise unknown_arguments(arguments, signature(function).parameters)
     keywords = {name: value for name, value in arguments.items() if name in vars(DEFAULTS)}
@@ -265,11 +238,7 @@ def start_of(
     reference: Reference | None,
     torque: Torque | None,
 ) -> FloatArray:
-    """Return the initial state (2, n, 1 + m), by default at the start of the motion.
-
-    Raises:
-        InputError: if coordinates, rates or the motion do not fit the arm.
-    """
+    """Return the initial state (2, n, 1 + m), by default at the start of the motion."""
     motion = reference if reference is not None else getattr(torque, "motion", None)
     straight = np.zeros(arm.joints)
     if initial is None and motion is not None:
@@ -287,10 +256,6 @@ def torque_history(
     """Return torques and prescribed accelerations for a relative tolerance of the run.
 
     The start of prescribed joints is set in ``state``.
-
-    Raises:
-        InputError: if torques or prescribed motions do not fit the arm.
-        FunctionError: if a function of time raises an exception.
     """
     joints, duration, settings = arm.joints, situation.duration, situation.settings
     breaks, spacing = settings.breaks, 1.0 / settings.rate
@@ -327,11 +292,7 @@ def check_loops(arm: Arm, state: FloatArray, prescribed: Collection[int] = ()) -
 
 
 def integrator_of(arm: Arm, **arguments: Any) -> Choice:
-    """Return the integrator of a run with some arguments of ``simulate``, by its rules.
-
-    Raises:
-        InputError: if ``simulate`` would raise it.
-    """
+    """Return the integrator of a run with some arguments of ``simulate``, by its rules."""
     names = vars(DEFAULTS).keys() & arguments.keys()
     settings = replaced(DEFAULTS, **{name: arguments.pop(name) for name in names})
     situation = Situation(arm=arm, settings=settings, **arguments)
@@ -352,12 +313,7 @@ def implausible_run(
     reference: Any = None,
     hardware: Hardware | None = None,
 ) -> list[str]:
-    """Return a sentence for each implausible number of a run.
-
-    Args:
-        arm: the simulated arm. duration: s. rate: of the samples, Hz.
-        angles: joint angles at the start, if they are given, rad.
-    """
+    """Return a sentence for each implausible number of a run."""
     findings: list[str] = []
     if angles is not None and (text := about_degrees("initial", angles)):
         findings.append(text)
@@ -401,7 +357,6 @@ def new_run(
     arm: Arm,
     state: FloatArray,
     settings: RunSettings,
-    *,
     duration: float,
     sample_times: FloatArray,
     spacing: float,
@@ -416,44 +371,28 @@ def new_run(
     The arguments are those of ``simulate``. They are validated by the caller, except for the
     environment. ``spacing`` is the interval (s) between the instants at which functions of time are
     compared with their cubic approximations.
-
-    Raises:
-        InputError: if a load, the base acceleration, a contact or a change does not fit the arm, or
-            the integrator does not support it.
     """
     touching = contacts_of_run(arm, environment.contacts, state)
     touch = contact_frequency(arm, touching)
     horizon = UNBOUNDED * spacing if math.isinf(duration) else duration
     request = request_of(settings, arm)
     tolerance = tolerance_of(arm, state, *tolerances_of(settings, arm), horizon)
-    choice = choose_integrator(
-        settings.integrator, settings.step, arm, tolerance, touch, prescribed, horizon
-    )
+    requested = settings.integrator, settings.step
+    choice = choose_integrator(*requested, arm, tolerance, touch, prescribed, horizon)
     tolerance = tolerance._replace(fastest=max(tolerance.fastest, touch))
 
     def loads_of(relative: float) -> LoadHistory:
         given = duration, relative, touching, settings.breaks, spacing
         return load_history(arm, environment, *given)
 
+    samples = np.empty((len(sample_times), *state.shape))
+    span = Progress(0.0, state, 0.0), duration, horizon, sample_times, samples
+    loads = loads_of(relative_tolerance(settings, arm))
     return Run(
-        arm=arm,
-        choice=choice,
-        integrator=choice.integrator,
-        tolerance=tolerance,
-        progress=Progress(0.0, state, 0.0),
-        duration=duration,
-        horizon=horizon,
-        sample_times=sample_times,
-        samples=np.empty((len(sample_times), *state.shape)),
-        loads=loads_of(relative_tolerance(settings, arm)),
-        loads_of=loads_of,
-        meter=meter,
-        prescribed=prescribed,
-        stations=settings.stations,
+        *(arm, choice, choice.integrator, tolerance, *span, loads, meter, settings, prescribed),
         specialized=settings.specialized,
-        default_atol=settings.atol is None,
+        loads_of=loads_of,
         request=request,
-        promised=settings.accuracy is not None,
         watch=Watch(arm, choice.integrator, tolerance, log) if log else None,
         default_step=default_step(choice.integrator, tolerance),
         changes=arm_changes(arm, changes, duration, log),
@@ -463,14 +402,7 @@ def new_run(
 
 
 def restarted(run: Run, state: FloatArray, settings: RunSettings) -> Run:
-    """Return a run like one without contacts and events, from another initial state.
-
-    The new run shares arm, loads and sample times with ``run``.
-
-    Args:
-        state: (2, n, 1 + m).
-        settings: those of ``run``.
-    """
+    """Return a run like one without contacts and events, from another initial state."""
     tolerance = for_arm(run.tolerance, run.arm, state, run.horizon)
     requested = settings.integrator, settings.step
     choice = choose_integrator(*requested, run.arm, tolerance, 0.0, run.prescribed, run.horizon)
@@ -488,14 +420,7 @@ def restarted(run: Run, state: FloatArray, settings: RunSettings) -> Run:
 def initial_state(
     arm: Arm, q: ArrayLike | None, qd: ArrayLike | None, straight: FloatArray
 ) -> FloatArray:
-    """Return the state (2, n, 1 + m) for coordinates and rates (dof,).
-
-    Without ``q`` the links are straight at the joint angles ``straight`` (joints,); without ``qd``
-    the rates are zero.
-
-    Raises:
-        InputError: if the coordinates or rates do not have shape (dof,).
-    """
+    """Return the state (2, n, 1 + m) for coordinates and rates (dof,)."""
     if q is None:
         q = arm.rest(straight)
     given = check_array("initial", q, (-1,))

@@ -39,12 +39,7 @@ BY_FORCES = BY_CONTACTS | {
 def channels_of_run(
     run: Run, given: FloatArray, names: Collection[str] | None = None
 ) -> dict[str, FloatArray]:
-    """Compute the channels of a run at the samples filled so far.
-
-    Args:
-        given: (samples, joints) torques, N m, or accelerations of prescribed joints, rad/s^2.
-        names: the required channels; others may be missing. None: all channels.
-    """
+    """Compute the channels of a run, those in ``names`` at least, at the samples so far."""
     found = [_channels_of_span(part, given[samples], names) for samples, part in run.parts()]
     if len(found) == 1:
         return found[0]
@@ -66,7 +61,17 @@ def _channels_of_span(
     channels |= section_channels(inside)
     if run.arm.closure_rows:
         channels["closure_force"] = closing[:, :-1].copy()
-        _warn_of_singular_postures(times, closing[:, -1])
+        independence = closing[:, -1]
+        nearest = int(np.argmin(independence))
+        if independence[nearest] < _SINGULAR:
+            near = np.sqrt(max(independence[nearest], 0.0))
+            text = (
+                f"the mechanism is about {near:.1g} rad from a singular posture at "
+                f"t = {times[nearest]:.4g} s, where its closures depend on each other: beyond it, "
+                "the motion may continue in another working mode, and forces near it are "
+                "uncertain."
+            )
+            warn_caller(text, AccuracyWarning)
         if text := closure_warning(run.arm, closing[:, :-1]):
             warn_caller(text, LargeDeflectionWarning)
     return channels | contact_channels(run.arm, run.loads.placed.contacts, states)
@@ -74,19 +79,6 @@ def _channels_of_span(
 
 #: Independence of closures below which a run is near a singular posture: about 0.01 rad.
 _SINGULAR = 1e-4
-
-
-def _warn_of_singular_postures(times: FloatArray, independence: FloatArray) -> None:
-    """Warn if a mechanism passes a posture in which its closures depend on each other."""
-    nearest = int(np.argmin(independence))
-    if independence[nearest] < _SINGULAR:
-        near = np.sqrt(max(independence[nearest], 0.0))
-        warn_caller(
-            f"the mechanism is about {near:.1g} rad from a singular posture at "
-            f"t = {times[nearest]:.4g} s, where its closures depend on each other: beyond it, the "
-            "motion may continue in another working mode, and forces near it are uncertain.",
-            AccuracyWarning,
-        )
 
 
 class _Labels(NamedTuple):
@@ -128,18 +120,9 @@ def arm_text(arm: Arm) -> str:
 
 
 def make_result(
-    arm: Arm,
-    times: FloatArray,
-    values: dict[str, FloatArray],
-    attributes: dict[str, Any],
+    arm: Arm, times: FloatArray, values: dict[str, FloatArray], attributes: dict[str, Any]
 ) -> xr.Dataset:
-    """Create the labelled dataset of the samples of a run.
-
-    Args:
-        times: (samples,) s.
-        values: channels by name, in the order of the result.
-        attributes: plain numbers and strings, which every file format can store.
-    """
+    """Create the labelled dataset of the samples of a run."""
     if "bending_moment" in values:  # not cached, because users may change `position`
         dataset = _labelled(arm, times, values)
     else:
@@ -207,12 +190,7 @@ def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.
 
 
 def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
-    """Add the data of a closed loop to the result.
-
-    It adds attributes about the controller and the channel ``torque_command`` (time, joint). With
-    hardware it also adds a channel ``measured_NAME`` (tick, ...) for each reading, where ``tick``
-    counts the sample times, and the coordinate ``tick_time`` (s).
-    """
+    """Add the attributes of the controller, its commands, and the readings of its hardware."""
     dataset.attrs["controller"] = type(loop.controller).__name__
     dataset.attrs["sample_time"] = float(loop.controller.sample_time)
     dataset.attrs["controller_calls"] = len(loop.times)
@@ -228,11 +206,7 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
 
 
 def exceeded_bound(report: Mapping[str, Any]) -> str:
-    """Return the warning of a loop that left its prescribed bound, or empty text.
-
-    Args:
-        report: of a controller, or the attributes of a result.
-    """
+    """Return the warning of a loop that left its prescribed bound, or empty text."""
     if not report.get("bound_exceeded", 0):
         return ""
     first = report["bound_first_ratio"]
@@ -278,22 +252,15 @@ def channel_labels(arm: Arm, name: str) -> dict[str, str]:
 def coordinates_of(
     arm: Arm, times: FloatArray, stations: int = 0, contacts: int = 0
 ) -> dict[str, Any]:
-    """Return the coordinates of a result at ``times`` (samples,), s, with their labels.
-
-    Args:
-        stations: number of sections of each link; contacts: number of contacts.
-    """
+    """Return the coordinates of a result at ``times`` (samples,), s, with their labels."""
     coordinates: dict[str, Any] = {
         "time": ("time", times, {"units": "s", "long_name": "time"}),
         "joint": ("joint", arm.joint_numbers, {"long_name": "joint, numbered as its link"}),
         "link": ("link", np.arange(1, arm.links + 1), {"long_name": "link, counted from the base"}),
         "axis": ("axis", ["x", "y"], {"long_name": "world axis"}),
-        "coordinate": (
-            "coordinate",
-            list(_coordinate_names(arm)),
-            {"long_name": "generalised coordinate"},
-        ),
     }
+    names = list(_coordinate_names(arm))
+    coordinates["coordinate"] = "coordinate", names, {"long_name": "generalised coordinate"}
     if arm.assembly.base:
         meaning = "coordinate of the base"
         coordinates["direction"] = ("direction", ["x", "y", "angle"], {"long_name": meaning})
@@ -345,11 +312,8 @@ def _stations(arm: Arm, count: int) -> dict[str, Any]:
     fraction = np.linspace(0.0, 1.0, count)
     position = arm.lengths[:, None] * fraction
     meaning = "place on the link, as a fraction of its length"
+    distance = {"units": "m", "long_name": "distance from the root of the link"}
     return {
         "station": ("station", fraction, {"units": "1", "long_name": meaning}),
-        "position": (
-            ("link", "station"),
-            position,
-            {"units": "m", "long_name": "distance from the root of the link"},
-        ),
+        "position": (("link", "station"), position, distance),
     }

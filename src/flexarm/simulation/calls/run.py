@@ -226,9 +226,8 @@ def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
     acting = controller, situation.reference, situation.hardware
     loop = ClosedLoop(run, *acting)
     q = simulated.unpadded(situation.start[0])
-    analysed = AnalysedLoop(
-        *(situation.arm, simulated, *acting, situation.contacts, q, situation.duration)
-    )
+    around = situation.contacts, q, situation.duration
+    analysed = AnalysedLoop(situation.arm, simulated, *acting, *around)
     stability = partial(instability, analysed, {})
     return _closed_loop(run, loop, stability), run.notices
 
@@ -268,11 +267,7 @@ def _open_loop(
 
 
 def _closed_loop(run: Run, loop: ClosedLoop, stability: Callable[..., str]) -> xr.Dataset:
-    """Execute a run with a controller.
-
-    Args:
-        stability: `instability`, with all arguments but ``changed``.
-    """
+    """Execute a run with a controller."""
     unstable = stability()
     if unstable and run.changes is None:
         warn_caller(unstable, UnstableLoopWarning)
@@ -315,6 +310,7 @@ def _result(
     reason = run.choice.reason + (run.default_step.reason() if run.default_step else "")
     law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
     request = run.request
+    features = run.loads.factors.shortest_feature, getattr(drive, "shortest_feature", 0.0)
     attributes: dict[str, Any] = {
         **({} if request is None else {"accuracy": request * reach_of(run.first_arm)}),
         "integrator": integrator.name,
@@ -326,9 +322,7 @@ def _result(
         "impact_steps": progress.impacts,
         "torque_interpolation": interpolation,
         "evaluations": progress.evaluations + run.discarded,
-        "shortest_feature": max(
-            run.loads.factors.shortest_feature, getattr(drive, "shortest_feature", 0.0)
-        ),
+        "shortest_feature": max(features),
         "wall_seconds": time.perf_counter() - started,
         "references": " ".join([*integrator.reference, *law]),
         "failure": failure,
@@ -366,10 +360,6 @@ def with_error(
 
     If the error exceeds the accuracy, the run is repeated with a smaller one. The warning is empty
     if a run reaches the accuracy. ``evaluations`` and ``wall_seconds`` are those of all runs.
-
-    Args:
-        accuracy: requested error of the tip, m.
-        executed: executes the run with another accuracy; returns None if that fails.
     """
     used, looser = accuracy, executed(_LOOSER * accuracy)
     runs = [result] if looser is None else [looser, result]
@@ -377,11 +367,8 @@ def with_error(
     if error == 0.0:  # the steps are those of the samples of a loop, or of the largest tolerance
         finer = executed(accuracy / _FINER)
         if finer is not None:
-            runs, used, error = (
-                [*runs, finer],
-                accuracy / _FINER,
-                _error_between(finer, result, _FINER),
-            )
+            runs, used = [*runs, finer], accuracy / _FINER
+            error = _error_between(finer, result, _FINER)
     for _ in range(_MOST_RUNS - 2):
         if not error > accuracy:
             break
@@ -403,11 +390,7 @@ def with_error(
 
 
 def _error_between(result: xr.Dataset, other: xr.Dataset | None, ratio: float) -> float:
-    """Return the estimated error (m) of the tip in a result; NaN without another one.
-
-    Args:
-        ratio: accuracy of the other result over that of this one.
-    """
+    """Return the estimated error (m) of the tip in a result; NaN without another one."""
     if other is None:
         return math.nan
     if result.attrs["rtol"] == other.attrs["rtol"] <= LEAST:  # rounding errors of both are equal

@@ -112,11 +112,8 @@ def simulate_separated(
     count = int(np.floor(until * frequency * (1 + 1e-12))) + 1
     times = np.minimum(np.arange(count) / frequency, until)
     start = [
-        _start(name, value, arm)[model.kept]
-        for name, value in (
-            ("initial_deviation", initial_deviation),
-            ("initial_deviation_rate", initial_deviation_rate),
-        )
+        _start("initial_deviation", initial_deviation, arm)[model.kept],
+        _start("initial_deviation_rate", initial_deviation_rate, arm)[model.kept],
     ]
     allowed = check_positive("rtol", rtol)
     attributes: dict[str, Any] = {"method": method, "joints": joints, "rtol": allowed}
@@ -125,9 +122,8 @@ def simulate_separated(
         check_function("added_torque", added_torque)
         # The result contains the torque, so its tolerance is at most the default of ``simulate``.
         relative, name = min(allowed, CLOSE), "added_torque"
-        added = function_history(
-            added_torque, until, arm.joints, relative, breaks, name, 1.0 / frequency
-        )
+        accuracy = relative, breaks, name, 1.0 / frequency
+        added = function_history(added_torque, until, arm.joints, *accuracy)
         attributes["shortest_feature"] = added.shortest_feature
     if method == "quasi_static":
         given = {

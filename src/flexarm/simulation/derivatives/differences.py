@@ -89,10 +89,6 @@ def local_slopes(function: Callable[[Array], Array], point: Array, steps: Array)
     Near corners of the function the steps are reduced. The row of a number is NaN if the two orders
     do not agree for any step, or if the function rounds the number. The derivatives of values that
     have a corner at the point itself, where those of the second order do not agree, are infinite.
-
-    Args:
-        function: function of points (p, k) that returns values (p, m).
-        steps: (k,) first steps.
     """
     orders, seconds = np.array([ORDER_8, ORDER_6]), np.array([_SECOND_8, _SECOND_6])
     # The point itself is not the first one, at which iterative solvers start.

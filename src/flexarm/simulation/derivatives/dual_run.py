@@ -24,9 +24,11 @@ from flexarm.simulation.run.stepping import Run
 _STEPS = 4096
 #: Samples whose poses are computed together, which bounds the scratch memory of long runs.
 _CHUNK = 1024
+#: Fields of ``Loads`` that depend on the arm.
+_PLACED = "weight", "lever", "rows", "slopes", "shortening"
 #: Channels that are not linear in the states and the observed quantities.
 _NONLINEAR = {
-    *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate"),
+    *("link_tip_deflection", "link_tip_slope", "link_tip_deflection_rate", "link_tip_slope_rate")
 }
 
 
@@ -73,18 +75,10 @@ def arm_inputs(arm: Arm, environment: Environment) -> ArmInputs:
     """Return the numbers of an arm with loads and contacts."""
     placed = Environment(environment.loads, None, environment.contacts).placed(arm)
     contacts = placed.contacts
-    return ArmInputs(
-        *arm.assembly.constants,
-        place_gauges(arm, arm.gauges)[0],
-        placed.weight,
-        placed.lever,
-        placed.rows,
-        placed.slopes,
-        placed.shortening,
-        contacts.rows,
-        contacts.shortening,
-        contacts.law,
-    )
+    numbers: list[Array] = [*arm.assembly.constants, place_gauges(arm, arm.gauges)[0]]
+    numbers += [getattr(placed, name) for name in _PLACED]
+    numbers += [contacts.rows, contacts.shortening, contacts.law]
+    return ArmInputs(*numbers)
 
 
 def inputs_of_run(run: Run, environment: Environment) -> Inputs:
@@ -155,9 +149,8 @@ class DualStepper:
     ) -> None:
         run, status = self._run, Status.PAUSED
         while status == Status.PAUSED:
-            status = run.integrator.advance(
-                self.system, run.tolerance, progress, until, times, samples, _STEPS
-            )
+            now = self.system, run.tolerance, progress, until
+            status = run.integrator.advance(*now, times, samples, _STEPS)
         if status != Status.DONE:
             raise run.failure(status)
 
@@ -215,22 +208,13 @@ def dual_system(system: System, numbers: Inputs) -> System:
         name: Duals.zeros(*array.shape)
         for name, array in new_workspace(system.constants)._asdict().items()
     }
-    contacts: Any = drive.loads.contacts._replace(
-        rows=own.point_rows,
-        shortening=own.point_shortening,
-        law=own.point_law,
-        seen=drive.loads.contacts.seen.copy(),
-    )
-    loads: Any = drive.loads._replace(
-        weight=own.load_weight,
-        lever=own.load_lever,
-        rows=own.load_rows,
-        slopes=own.load_slopes,
-        shortening=own.load_shortening,
-        value=numbers.load_value.copy(),
-        base_acceleration=drive.loads.base_acceleration.copy(),
-        contacts=contacts,
-    )
+    fields: Any = own._asdict()
+    points = {name: fields[f"point_{name}"] for name in ("rows", "shortening", "law")}
+    seen = drive.loads.contacts.seen.copy()
+    contacts = drive.loads.contacts._replace(**points, seen=seen)
+    placed = {name: fields[f"load_{name}"] for name in _PLACED}
+    value, base = numbers.load_value.copy(), drive.loads.base_acceleration.copy()
+    loads = drive.loads._replace(**placed, value=value, base_acceleration=base, contacts=contacts)
     moved: Any = drive._replace(
         breaks=drive.breaks.copy(),  # a closed loop writes them
         coefficients=numbers.torque,
@@ -243,10 +227,7 @@ def dual_system(system: System, numbers: Inputs) -> System:
 def channel_derivatives(
     arm: Arm, run: DualRun, count: int, names: Collection[str]
 ) -> list[dict[str, FloatArray]]:
-    """Return the derivatives of channels (samples, ...) in each of ``count`` directions.
-
-    The kernels compute poses and strains in dual numbers.
-    """
+    """Return the derivatives of channels (samples, ...) in each of ``count`` directions."""
     samples = run.samples.array
     parts: list[list[dict[str, FloatArray]]] = [[] for _ in range(count)]
     for first in range(0, len(samples), _CHUNK):
@@ -282,10 +263,7 @@ def _in_direction(
 def _observed(
     arm: Arm, run: DualRun, states: DualArray, energies: bool
 ) -> tuple[DualArray, DualArray, DualArray, DualArray | None]:
-    """Return poses, tips, energies and strains of states (samples, 2, n, 1 + m).
-
-    Without ``energies``, they are zero.
-    """
+    """Return poses, tips, energies and strains of states (samples, 2, n, 1 + m)."""
     count, sizes = states.shape[0], run_time_sizes(arm.assembly.run_constants)
     poses: DualArray = Duals.zeros(count, arm.assembly.bodies, POSE_COLUMNS)
     tips: DualArray = Duals.zeros(count, 6)

@@ -75,6 +75,10 @@ _POWERS = {"hold": 1, "linear": 2, "cubic": 4}
 _CHUNK = 1024
 
 
+#: Derivatives of a goal by channels, see `goal_gradient`.
+Weights = Mapping[str, FloatArray]
+
+
 class Block(NamedTuple):
     """Unit changes in eight directions, or fewer and zeros."""
 
@@ -127,16 +131,9 @@ def parts_of(known: Parameters, ends: FloatArray, pieces: Sequence[int]) -> list
         own = slice(pieces[edges[k]], pieces[edges[k + 1] - 1] + 1)
         clock = (checkpoints.clocks[k - 1] if k and checkpoints.clocks else first).copy()
         clock[TIME], clock[SOFTENED] = times[k], np.nan
-        found.append(
-            Part(
-                slice(edges[k], edges[k + 1]),
-                ends[edges[k] : edges[k + 1]],
-                run.history.breaks[own],
-                known.inputs.torque[own],
-                run.samples[place],
-                clock,
-            )
-        )
+        intervals = slice(edges[k], edges[k + 1])
+        torque = run.history.breaks[own], known.inputs.torque[own]
+        found.append(Part(intervals, ends[intervals], *torque, run.samples[place], clock))
     return found
 
 
@@ -184,6 +181,29 @@ class Repetition:
         columns = len(self._blocks) * DIRECTIONS
         return np.asarray(np.moveaxis(slopes, 0, 3).reshape(len(part.ends), -1, columns))
 
+    def by_samples(self, weights: Weights, pool: Executor) -> FloatArray:
+        """Return the gradient (samples, 2 dof) of the goal by the states at the samples."""
+        states, count = self._run.samples, 2 * self._run.arm.dof
+        sizes = [min(DIRECTIONS, count - first) for first in range(0, count, DIRECTIONS)]
+        found = []
+        for first in range(0, len(states), _CHUNK):
+            own = slice(first, first + _CHUNK)
+            part = {name: array[own] for name, array in weights.items()}
+            of_block = partial(self._of_block, part, states[own])
+            found.append(np.concatenate(list(pool.map(of_block, self._blocks, sizes))).T)
+        return np.concatenate(found)
+
+    def _of_block(
+        self, weights: Weights, states: FloatArray, block: Block, count: int
+    ) -> FloatArray:
+        """Return the derivatives (count, samples) of the goal by ``states`` in some directions."""
+        duals = Duals.of(states)
+        duals.array[..., 1:] = block.state.array[..., 1:]
+        run = DualRun(duals, self.system.constants, self.gauges, 0)
+        slopes = channel_derivatives(self._run.arm, run, count, list(weights))
+        parts = [[(w * one[n]).reshape(len(w), -1) for n, w in weights.items()] for one in slopes]
+        return np.array([sum(part.sum(axis=1) for part in own) for own in parts])
+
 
 class Gradient(NamedTuple):
     """Gradient of a goal."""
@@ -193,15 +213,8 @@ class Gradient(NamedTuple):
     state: FloatArray  # (2, dof) by q and qd at the start
 
 
-def goal_gradient_of(
-    known: Parameters, samples: Samples, weights: Mapping[str, FloatArray]
-) -> Gradient:
-    """Return the gradient of the sum of ``weights`` times channels over all samples of a run.
-
-    Raises:
-        InputError: if the integrator is not a one-step method without iteration.
-        SimulationError: if the run fails.
-    """
+def goal_gradient_of(known: Parameters, samples: Samples, weights: Weights) -> Gradient:
+    """Return the gradient of the sum of ``weights`` times channels over all samples of a run."""
     run, arm = known.run, known.run.arm
     if not isinstance(run.integrator, ExplicitRungeKutta | Additive):
         rule = "be an explicit Runge-Kutta method or kennedy_carpenter_5 for a gradient"
@@ -219,76 +232,20 @@ def goal_gradient_of(
     repetitions = [Repetition(known, parts, blocks) for _ in range(threads)]
     torque = np.zeros((len(ends), powers * arm.joints))
     with ThreadPoolExecutor(threads) as pool:
-        goal = _by_samples(known, weights, blocks, repetitions[0], pool)
+        goal = repetitions[0].by_samples(weights, pool)
         at_ends = np.zeros((len(ends), goal.shape[1]))
         at_ends[np.searchsorted(ends, run.sample_times[1:])] = goal[1:]
-        state = goal[0] + _backwards(parts, at_ends, torque, repetitions, pool)
+        count, width, adjoint = goal.shape[1], torque.shape[1], np.zeros(goal.shape[1])
+        for part, transfers in _from_the_last(parts, repetitions, pool):
+            after, own = at_ends[part.intervals], torque[part.intervals]
+            for k in reversed(range(len(transfers))):
+                both = (adjoint + after[k]) @ transfers[k]
+                adjoint, own[k] = both[:count], both[count : count + width]
+    state = goal[0] + adjoint
     pieces = np.zeros((len(breaks) - 1, torque.shape[1]))
     np.add.at(pieces, piece, torque)
     by_samples = samples.collected(pieces.reshape(len(pieces), -1, arm.joints))
     return Gradient(run, by_samples, state.reshape(2, -1))
-
-
-def _by_samples(
-    known: Parameters,
-    weights: Mapping[str, FloatArray],
-    blocks: Sequence[Block],
-    repetition: Repetition,
-    pool: Executor,
-) -> FloatArray:
-    """Return the gradient (samples, 2 dof) of the goal by the states at the samples."""
-    states, count = known.run.samples, 2 * known.run.arm.dof
-    sizes = [min(DIRECTIONS, count - first) for first in range(0, count, DIRECTIONS)]
-    found = []
-    for first in range(0, len(states), _CHUNK):
-        own = slice(first, first + _CHUNK)
-        part = {name: array[own] for name, array in weights.items()}
-        of_block = partial(_of_block, known, part, states[own], repetition)
-        found.append(np.concatenate(list(pool.map(of_block, blocks, sizes))).T)
-    return np.concatenate(found)
-
-
-def _of_block(
-    known: Parameters,
-    weights: Mapping[str, FloatArray],
-    states: FloatArray,
-    repetition: Repetition,
-    block: Block,
-    count: int,
-) -> FloatArray:
-    """Return the derivatives (count, samples) of the goal by ``states`` in some directions."""
-    duals = Duals.of(states)
-    duals.array[..., 1:] = block.state.array[..., 1:]
-    run = DualRun(duals, repetition.system.constants, repetition.gauges, 0)
-    return np.array(
-        [
-            sum((w * one[name]).reshape(len(w), -1).sum(axis=1) for name, w in weights.items())
-            for one in channel_derivatives(known.run.arm, run, count, list(weights))
-        ]
-    )
-
-
-def _backwards(
-    parts: Sequence[Part],
-    at_ends: FloatArray,
-    torque: FloatArray,
-    repetitions: Sequence[Repetition],
-    pool: Executor,
-) -> FloatArray:
-    """Return the gradient by the state at the start, and fill that by the torque.
-
-    Args:
-        at_ends: (intervals, states) gradient by the states at the ends of the intervals.
-        torque: (intervals, k) gradient by the coefficients of the torque in each interval.
-    """
-    count, width = at_ends.shape[1], torque.shape[1]
-    adjoint = np.zeros(count)
-    for part, transfers in _from_the_last(parts, repetitions, pool):
-        goal, own = at_ends[part.intervals], torque[part.intervals]
-        for k in reversed(range(len(transfers))):
-            both = (adjoint + goal[k]) @ transfers[k]
-            adjoint, own[k] = both[:count], both[count : count + width]
-    return adjoint
 
 
 def _from_the_last(
@@ -381,12 +338,8 @@ def goal_gradient(
     import xarray as xr
 
     own = coordinates_of(arm, run.sample_times)
-    return xr.Dataset(
-        {
-            "torque": (("sample", "joint"), found.torque),
-            "initial": ("coordinate", found.state[0]),
-            "initial_rate": ("coordinate", found.state[1]),
-        },
-        coords={name: own[name] for name in ("joint", "coordinate")},
-        attrs={"integrator": run.integrator.name, "steps": run.progress.steps, **attributes},
-    )
+    q, qd = (("coordinate", row) for row in found.state)
+    variables = {"torque": (("sample", "joint"), found.torque), "initial": q, "initial_rate": qd}
+    coordinates = {name: own[name] for name in ("joint", "coordinate")}
+    method = {"integrator": run.integrator.name, "steps": run.progress.steps}
+    return xr.Dataset(variables, coordinates, {**method, **attributes})

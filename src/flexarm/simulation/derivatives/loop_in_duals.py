@@ -261,15 +261,11 @@ class _LoopInDuals(ControlLoop):
         self._bodies = run.arm.assembly.joint_body
         acting = Acting(loop.hardware, run.arm, keep=False, runs=self._directions)
         super().__init__(acting, loop.sample_time)
-        self._sensing = Sensing(
-            [
-                (
-                    Readings(_linear(item), self.sample_time, np.random.default_rng()),
-                    partial(self._slopes, str(item.output)),
-                )
-                for item in loop.needed
-            ]
-        )
+        sensors = []
+        for item in loop.needed:
+            readings = Readings(_linear(item), self.sample_time, np.random.default_rng())
+            sensors.append((readings, partial(self._slopes, str(item.output))))
+        self._sensing = Sensing(sensors)
         self._memory: FloatArray = np.zeros((self._directions, 0))
 
     @property
@@ -290,19 +286,14 @@ class _LoopInDuals(ControlLoop):
         k = self.tick
         update, readings = self._loop.updates[k], self._measured()
         if not is_finite(update):
-            update = self._without_corners(update, readings, self.time)
+            # Infinite derivatives by numbers that no parameter changes have no effect.
+            for matrix, numbers in zip(update, (self._memory, readings) * 2, strict=True):
+                if np.any(numbers[:, np.any(np.isinf(matrix), axis=0)]):
+                    raise not_differentiable(self._loop.controller, self.time)
+            update = LinearController(*(np.where(np.isinf(part), 0.0, part) for part in update))
         slopes = self._memory @ update.C.T + readings @ update.D.T
         self._memory = self._memory @ update.A.T + readings @ update.B.T
         return self._loop.commands[k] + 1j * STEP * slopes
-
-    def _without_corners(
-        self, update: LinearController, readings: FloatArray, t: float
-    ) -> LinearController:
-        """Return an update without infinite derivatives by numbers that no parameter changes."""
-        for matrix, numbers in zip(update, (self._memory, readings) * 2, strict=True):
-            if np.any(numbers[:, np.any(np.isinf(matrix), axis=0)]):
-                raise not_differentiable(self._loop.controller, t)
-        return LinearController(*(np.where(np.isinf(part), 0.0, part) for part in update))
 
     def _measured(self) -> FloatArray:
         """Return the derivatives (directions, p) of the readings of a sample."""

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from inspect import signature
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -45,17 +45,9 @@ from flexarm.simulation.derivatives.dual_run import (
     no_change,
 )
 from flexarm.simulation.derivatives.loop_in_duals import RecordedLoop
-from flexarm.simulation.histories.piecewise import (
-    PiecewiseCubic,
-    Samples,
-)
+from flexarm.simulation.histories.piecewise import PiecewiseCubic, Samples
 from flexarm.simulation.run.channels import CHANNELS
-from flexarm.simulation.run.impacts import (
-    meets_stops,
-    run_to_slips,
-    slides,
-    stopping_at_breaks,
-)
+from flexarm.simulation.run.impacts import meets_stops, run_to_slips, slides, stopping_at_breaks
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, relative_tolerance, replaced
 from flexarm.simulation.run.small_motion import run_accurately
@@ -94,11 +86,8 @@ def arm_derivative(name: str, arm: Arm, environment: Environment, path: str) -> 
         if value == 0.0:
             hint = "It is 0 in this arm. Give it another value."
             raise InputError(Problem(name, SMOOTH, shown(path), hint))
-        return ArmInputs(
-            *differences(
-                name, path, value, abs(value), lambda v: _moved(name, arm, environment, path, v)
-            )
-        )
+        at = partial(_moved, name, arm, environment, path)
+        return ArmInputs(*differences(name, path, value, abs(value), at))
     found = _by_formula(arm, environment, path, value)
     if value == 0.0:
         _check_zero(name, arm, environment, path, found)
@@ -175,18 +164,11 @@ def _by_formula(arm: Arm, environment: Environment, path: str, value: float) -> 
 
     shape, square = POWERS["mass"]["P"], POWERS["mass"]["G"]
     points = loads.contacts
-    moved = ArmInputs(
-        *constants,
-        gauges,
-        loads.weight,
-        loads.lever,
-        shapes(loads.rows, loads.body, shape),
-        shapes(loads.slopes, loads.body, shape),
-        shapes(loads.shortening, loads.body, square),
-        shapes(points.rows, points.body, shape),
-        shapes(points.shortening, points.body, square),
-        points.law,
-    )
+    moved = [*constants, gauges, loads.weight, loads.lever]
+    moved += [shapes(rows, loads.body, shape) for rows in (loads.rows, loads.slopes)]
+    moved.append(shapes(loads.shortening, loads.body, square))
+    moved.append(shapes(points.rows, points.body, shape))
+    moved += [shapes(points.shortening, points.body, square), points.law]
     return ArmInputs(*(np.imag(array) / STEP for array in moved))
 
 
@@ -208,9 +190,7 @@ def _check_zero(name: str, arm: Arm, environment: Environment, path: str, found:
     size = _PROBE * size_of_zero(arm, arm.spec, path)
     for change in (size, -size):
         try:
-            moved = [
-                _moved(name, arm, environment, path, share * change) for share in (1.0, _SMALLER)
-            ]
+            moved = [_moved(name, arm, environment, path, c) for c in (change, _SMALLER * change)]
         except InputError:  # the model limits this number on one side
             continue
         if all(map(_is_slope, before, *moved, found, [change] * len(before))):
@@ -349,10 +329,6 @@ def simulated(
             computes their derivatives inaccurately.
         checkpoints: filled by a run without a controller.
         once: whether the run has exactly these tolerances, and is not repeated with others.
-
-    Raises:
-        InputError: if an argument does not fit the arm.
-        SimulationError: if the run stops early, or a function of time raises an exception.
     """
     if not has_number_types():
         raise InputError(Problem("NUMBA_DISABLE_JIT", "is not supported with derivatives of runs"))
@@ -362,27 +338,16 @@ def simulated(
     run = situation.new_run(meter)
     tips = int(situation.tip_force is not None)
     if situation.controller is not None:
-        loop = RecordedLoop(
-            run,
-            situation.controller,
-            situation.reference,
-            situation.hardware,
-            channels_of_states(arm),
-        )
+        law = situation.controller, situation.reference, situation.hardware
+        loop = RecordedLoop(run, *law, channels_of_states(arm))
         loop.execute()
         run.history = loop.history
         return Parameters(run, environment, inputs_of_run(run, environment), None, tips, loop)
     history_of = situation.history_of(run)
     torque_of = partial(stopping_at_breaks, history_of) if by_samples else history_of
     (run_to_slips if once else run_accurately)(run, torque_of, checkpoints)
-    return Parameters(
-        run,
-        environment,
-        inputs_of_run(run, environment),
-        _samples(situation, history_of),
-        tips,
-        checkpoints=checkpoints,
-    )
+    inputs, samples = inputs_of_run(run, environment), _samples(situation, history_of)
+    return Parameters(run, environment, inputs, samples, tips, checkpoints=checkpoints)
 
 
 def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]) -> Samples | None:
@@ -454,15 +419,7 @@ class SecondRun(NamedTuple):
     allowed: float  # largest difference without a warning
 
 
-class OfRun(Protocol):
-    """Derivatives of a run."""
-
-    @property
-    def run(self) -> Run:
-        """The run."""
-
-
-T = TypeVar("T", bound=OfRun)
+T = TypeVar("T", bound=Any)  # derivatives, with the attribute ``run``
 
 
 def differentiated(
@@ -505,7 +462,13 @@ def second_run(run: Run, settings: RunSettings) -> SecondRun | None:
     if not (met or slides(run)):
         return None
     if not integrator.adaptive:
-        return SecondRun(_with_half_the_step(run, settings), True, _DOUBTFUL_STEP)
+        search, method = run.default_step, settings.integrator
+        half = 0.5 * float((integrator.step if search is None else search.shortest) or 0.0)
+        if isinstance(method, Integrator):
+            halved = replaced(settings, integrator=replace(method, step=half))
+        else:
+            halved = replaced(settings, step=half)
+        return SecondRun(halved, True, _DOUBTFUL_STEP)
     tighter = used.relative * _RATIO >= _LEAST
     ratio = _RATIO if tighter else 1.0 / _RATIO
     if slides(run) and used.relative * _SLIDING >= _LEAST:
@@ -522,22 +485,8 @@ def _touches(run: Run) -> bool:
     return meets_stops(run)
 
 
-def _with_half_the_step(run: Run, settings: RunSettings) -> RunSettings:
-    search = run.default_step
-    half = 0.5 * float((run.integrator.step if search is None else search.shortest) or 0.0)
-    if isinstance(settings.integrator, Integrator):
-        return replaced(settings, integrator=replace(settings.integrator, step=half))
-    return replaced(settings, step=half)
-
-
 def state_errors(run: Run, slopes: FloatArray, times: FloatArray, others: FloatArray) -> FloatArray:
-    """Return the largest differences (p,) of both derivatives of the states, relative to them.
-
-    Args:
-        run: its sample times are those of ``slopes``.
-        slopes, others: (p, samples, 2, n, 1 + m).
-        times: of ``others``, s; an event that ends a run may move the last sample.
-    """
+    """Return the largest differences (p,) of both derivatives of the states, relative to them."""
     count = min(len(times), len(run.sample_times))
     same = np.flatnonzero(times[:count] == run.sample_times[:count])
     scaled, reference = (array[:, same] / run.tolerance.unit for array in (slopes, others))

@@ -31,10 +31,7 @@ from flexarm.model.quantities import Flag
 from flexarm.simulation.calls.preparation import DrivenArguments, Situation, situation_of
 from flexarm.simulation.calls.result import coordinates_of
 from flexarm.simulation.derivatives.differences import differences, local_slopes
-from flexarm.simulation.derivatives.dual_run import (
-    channel_derivatives,
-    run_in_duals,
-)
+from flexarm.simulation.derivatives.dual_run import channel_derivatives, run_in_duals
 from flexarm.simulation.derivatives.loop_in_duals import loop_in_duals
 from flexarm.simulation.derivatives.parameters import (
     Parameters,
@@ -81,10 +78,7 @@ class Crossing:
     partial: FloatArray  # (parameters,) at a constant state
 
     def time_slopes(self, states: FloatArray, first: int) -> FloatArray:
-        """Return the derivatives (k,) of the time, from those (k, 2, dof) of the state there.
-
-        ``first`` is the place of the first of the k parameters.
-        """
+        """Return the derivatives (k,) of the time from those (k, 2, dof) of the state there."""
         own = self.partial[first : first + len(states)]
         return np.asarray(-(np.tensordot(states, self.slopes, 2) + own) / self.rate)
 
@@ -109,11 +103,7 @@ def moved_to(states: DualArray, arm: Arm, crossing: Crossing, first: int, count:
 def event_slopes(
     events: Sequence[Crossing], states: FloatArray, first: int
 ) -> list[dict[str, FloatArray]]:
-    """Return the derivatives of the events' times (events,), q and qd (events, dof).
-
-    Args:
-        states: (k, events, 2, dof), derivatives of the states at constant times.
-    """
+    """Return the derivatives of the events' times (events,), q and qd (events, dof)."""
     times = [one.time_slopes(states[:, k], first) for k, one in enumerate(events)]
     time = np.reshape(times, (len(events), len(states))).T
     motion = np.reshape([one.motion for one in events], (len(events), *states.shape[2:]))
@@ -325,16 +315,15 @@ def _dataset(
             "long_name": f"derivative of: {meaning}",
         }
         variables[name] = (("parameter", *axes), np.stack([one[name] for one in found]), labels)
-    coordinates = coordinates_of(run.arm, run.sample_times) | {
-        "parameter": ("parameter", list(paths), {"long_name": "path of the parameter"})
-    }
+    labels = {"long_name": "path of the parameter"}
+    coordinates = coordinates_of(run.arm, run.sample_times)
+    coordinates["parameter"] = "parameter", list(paths), labels
     if run.watch is not None:
         log = run.watch.log
         events = [log.names[one.place] for one in log.found]
         coordinates["event_name"] = ("event", events, {"long_name": "name of the event"})
-    used = {"parameter", "time", "event_name"}.union(
-        *(variable[0] for variable in variables.values())
-    )
+    dims = [variable[0] for variable in variables.values()]
+    used = {"parameter", "time", "event_name"}.union(*dims)
     coordinates = {name: value for name, value in coordinates.items() if name in used}
     if errors is not None:
         labels = {"units": "1", "long_name": "estimated relative error of the derivatives"}

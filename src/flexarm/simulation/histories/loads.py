@@ -13,12 +13,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.actions import Environment, parts_of
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import check_joint
-from flexarm.base.arguments import (
-    check_choice,
-    check_function,
-    check_times,
-    warn_of_degrees,
-)
+from flexarm.base.arguments import check_choice, check_function, check_times, warn_of_degrees
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.base.user_functions import call
 from flexarm.integrate.base import FloatArray
@@ -133,15 +128,7 @@ def prescribe(
     breaks: ArrayLike = (),
     spacing: float | None = None,
 ) -> PiecewiseCubic:
-    """Replace torques by prescribed accelerations, and set the initial motion in ``state``.
-
-    Args:
-        prescribed: angle by joint number, counted from 1; of a motion of all joints, the part of
-            this joint is used.
-        state: (2, n, 1 + m), changed in place.
-        history: torques of the other joints.
-        breaks, spacing: of functions of time, as in ``function_history``.
-    """
+    """Replace torques by prescribed accelerations, and set the initial motion in ``state``."""
     for joint, motion in prescribed.items():
         index = check_joint(arm, "each key of prescribed", joint)
         own = _of_joint(motion, index, f"prescribed[{joint}]")
@@ -182,12 +169,9 @@ def _of_joint(motion: PrescribedAngle | Motion, index: int, name: str) -> Prescr
     def part(of: Callable[[float], ArrayLike]) -> Callable[[float], float]:
         return lambda t: float(np.asarray(of(t))[index])
 
-    return PrescribedAngle(
-        part(motion.joint_angle),
-        part(motion.joint_rate),
-        part(motion.joint_acceleration),
-        tuple(motion.breaks),
-    )
+    motions = motion.joint_angle, motion.joint_rate, motion.joint_acceleration
+    angle, rate, acceleration = map(part, motions)
+    return PrescribedAngle(angle, rate, acceleration, tuple(motion.breaks))
 
 
 def _check_derivatives(own: PrescribedAngle, name: str, duration: float) -> None:
@@ -256,17 +240,7 @@ def load_history(
     spacing: float | None = None,
     known: dict[tuple[int, ...], PiecewiseCubic] | None = None,
 ) -> LoadHistory:
-    """Place the loads and approximate their time dependence; tables are represented exactly.
-
-    Args:
-        contacts: contacts of the environment as they were placed for the run, if there are any.
-        breaks, spacing: of functions of time, as in ``function_history``.
-        known: factors of earlier calls that differ in the arm alone, for reuse.
-
-    Raises:
-        InputError: if a load is not on the arm, a function does not return numbers, or a table
-            is not valid.
-    """
+    """Place the loads and approximate their time dependence; tables are represented exactly."""
     loads, base_acceleration = environment.loads, _base(environment.base_acceleration)
     moving = callable(base_acceleration) or isinstance(base_acceleration, AccelerationTable)
     still = Environment(loads, None if moving else base_acceleration)

@@ -65,22 +65,16 @@ class Multisine:
         shape = lines.size, -1
         given = self.coefficients
         if isinstance(given, np.ndarray) and given.dtype.kind == "c":
-            real, imaginary = (
-                check_array("coefficients", part, shape) for part in (given.real, given.imag)
-            )
+            parts = given.real, given.imag
+            real, imaginary = (check_array("coefficients", part, shape) for part in parts)
             given = real + 1j * imaginary
         else:
             given = check_array("coefficients", given, shape).astype(np.complex128)
         if not given.size:
             raise InputError(Problem("coefficients", "must not be empty"))
-        values = {
-            "period": check_positive("period", self.period, "s"),
-            "harmonics": lines.astype(np.intp),
-            "coefficients": given,
-            "rise": check_nonnegative("rise", self.rise),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        period, rise = check_positive("period", self.period, "s"), self.rise
+        vars(self).update(period=period, rise=check_nonnegative("rise", rise))
+        vars(self).update(harmonics=lines.astype(np.intp), coefficients=given)
 
     def __repr__(self) -> str:
         low, high = self.frequency_hz[[0, -1]]

@@ -59,17 +59,6 @@ def function_history(
     the cubics every ``spacing``, and approximated again around each instant at which they differ. A
     feature that is shorter than ``shortest_feature`` of the result, and away from ``breaks``, may
     be missed.
-
-    Args:
-        relative: relative tolerance of the run.
-        breaks: times (s) of kinks or jumps, in addition to ``function.breaks`` if it exists.
-        name: name of the function, for messages.
-        spacing: interval (s) of the comparison, increased to limit it to 20 000 instants; None
-            for no comparison.
-
-    Raises:
-        InputError: if the function does not return ``columns`` finite numbers or is rough
-            everywhere, or the breaks are not a list of numbers.
     """
     allowed = max(relative * _SHARE, _LEAST)
     follower = _Follower(function, duration, columns, allowed, name)
@@ -93,23 +82,18 @@ def function_history(
         pieces = np.concatenate([np.delete(pieces, anew, axis=0), more[1]])[order]
         starts, stops = starts[order], np.concatenate([stops, more[2]])
     times = np.append(starts, duration)
-    stops = np.unique(np.concatenate([known, stops, _jumps(times, pieces, follower.allowed)]))
+    width = np.diff(times)[:-1, None]
+    left, right = pieces[:-1], pieces[1:]
+    value = left[:, 0] + width * (left[:, 1] + width * (left[:, 2] + width * left[:, 3]))
+    slope = left[:, 1] + width * (2.0 * left[:, 2] + 3.0 * width * left[:, 3])
+    narrower = np.minimum(width, np.diff(times)[1:, None])
+    jump = np.abs(value - right[:, 0]) > 100.0 * follower.allowed
+    bend = np.abs(slope - right[:, 1]) * narrower > 1000.0 * follower.allowed
+    stops = np.unique(np.concatenate([known, stops, times[1:-1][np.any(jump | bend, axis=1)]]))
     inner = stops[(stops > 0.0) & (stops < duration)]
     points = starts[:, None] + np.diff(times)[:, None] * follower.points
     gap = float(np.max(np.diff(np.union1d(points, instants))))
     return PiecewiseCubic(times, pieces, inner, gap)
-
-
-def _jumps(breaks: FloatArray, coefficients: FloatArray, allowed: float) -> FloatArray:
-    """Return the breaks at which value or slope jump by far more than the approximation error."""
-    width = np.diff(breaks)[:-1, None]
-    left, right = coefficients[:-1], coefficients[1:]
-    value = left[:, 0] + width * (left[:, 1] + width * (left[:, 2] + width * left[:, 3]))
-    slope = left[:, 1] + width * (2.0 * left[:, 2] + 3.0 * width * left[:, 3])
-    narrower = np.minimum(width, np.diff(breaks)[1:, None])
-    jump = np.abs(value - right[:, 0]) > 100.0 * allowed
-    bend = np.abs(slope - right[:, 1]) * narrower > 1000.0 * allowed
-    return breaks[1:-1][np.any(jump | bend, axis=1)]
 
 
 class _Follower:
@@ -129,8 +113,7 @@ class _Follower:
         relative: float,
         name: str,
     ) -> None:
-        self._function = function
-        self._name = name
+        self._function, self._name = function, name
         self._columns, self._relative = columns, relative
         self._powers = np.vander(self._TESTS, 4, increasing=True)
         # Evaluate just inside each end, because the function may jump exactly on an edge and each
@@ -264,21 +247,7 @@ def sampled_torque(
     interpolation: str,
     breaks: ArrayLike = (),
 ) -> PiecewiseCubic:
-    """Interpolate samples (samples, joints) taken at ``rate`` (Hz) from time zero.
-
-    Args:
-        values: N m; at least duration times rate samples. After the last sample its value is
-            constant to the end of the run, for every interpolation.
-        interpolation: "hold" is a zero-order hold, "linear" connects the samples, and "cubic" is
-            the spline with continuous curvature, split where the samples have a kink. The spline
-            overshoots samples that alternate in sign.
-        breaks: times (s) at which the spline is split; a split between two samples makes it linear
-            there.
-
-    Raises:
-        InputError: if there are too few samples, the shape is wrong, a value is not finite, or the
-            interpolation is unknown.
-    """
+    """Interpolate samples (samples, joints) taken at ``rate`` (Hz) from time zero."""
     check_choice("torque_interpolation", interpolation, INTERPOLATIONS)
     samples = check_array("torque", values, (-1, joints))
     needed = int(np.floor(duration * rate * (1 + 1e-12) + 1e-9))
@@ -445,10 +414,6 @@ class PiecewiseCubic:
         """Interpolate a table linearly, with the first and the last value constant beyond its ends.
 
         The representation is exact, with stops at every kink and jump.
-
-        Args:
-            times: (k,) s, ascending; two equal times are a jump.
-            values: (k, columns).
         """
         ends = min(times[0], 0.0) - 1.0, times[-1] + abs(times[-1]) + 1.0
         edges = np.concatenate([ends[:1], times, ends[1:]])
@@ -520,12 +485,9 @@ class PiecewiseCubic:
         held = np.zeros((1, *self.coefficients.shape[1:]))
         powers = (end - self.breaks[-2]) ** np.arange(4.0)
         held[0, 0] = powers @ self.coefficients[-1]
-        return replace(
-            self,
-            breaks=np.append(self.breaks, time),
-            coefficients=np.concatenate([self.coefficients, held]),
-            stops=np.append(self.stops, end),
-        )
+        breaks, stops = np.append(self.breaks, time), np.append(self.stops, end)
+        coefficients = np.concatenate([self.coefficients, held])
+        return replace(self, breaks=breaks, coefficients=coefficients, stops=stops)
 
     def _pieces_at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the coefficients (T, 4, columns) at times (T,), and the times (T, 1) in them."""
@@ -537,10 +499,5 @@ class PiecewiseCubic:
         """Return coefficients (pieces, 4, columns) of the same function over finer pieces."""
         c, x = self._pieces_at(breaks[:-1])
         c0, c1, c2, c3 = c.swapaxes(0, 1)
-        shifted = [
-            c0 + x * (c1 + x * (c2 + x * c3)),
-            c1 + x * (2.0 * c2 + 3.0 * x * c3),
-            c2 + 3.0 * x * c3,
-            c3,
-        ]
-        return np.stack(shifted, axis=1)
+        value, rate = c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + 3.0 * x * c3)
+        return np.stack([value, rate, c2 + 3.0 * x * c3, c3], axis=1)

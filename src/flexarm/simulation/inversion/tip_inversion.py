@@ -163,9 +163,8 @@ def inversion_reference(
     q[:, arm.joint_index] += np.outer(ease, arm.joint_angles(final) - angles[-1])
     still = [(1, np.zeros(arm.dof)), (2, np.zeros(arm.dof))]
     spline = make_interp_spline(times + start, q, k=5, bc_type=(still, still))
-    return InversionReference(
-        torque.motion, torque, initial, start, end - start, spline, arm.joint_index
-    )
+    span, joints = end - start, arm.joint_index
+    return InversionReference(torque.motion, torque, initial, start, span, spline, joints)
 
 
 @dataclass(frozen=True)
@@ -242,9 +241,8 @@ class TipInversion:
     def reference(self) -> InversionReference:
         """Joint angles for these torques: the reference of an additional feedback."""
         ends = self.start, self.end
-        return inversion_reference(
-            self.arm, self.torque, ends, self.initial, self.final, self._supported
-        )
+        states = self.initial, self.final
+        return inversion_reference(self.arm, self.torque, ends, *states, self._supported)
 
     @property
     def pre_actuation(self) -> float:
@@ -369,10 +367,7 @@ class _Search:
         return min(rigid, _MOST_RIGID * self.arm.reach)
 
     def run(self, reduction: float) -> tuple[_Judged, _Judged]:
-        """Correct until the errors are small enough or stop decreasing; return best and rigid run.
-
-        Both the tip and all constraints together must be accurate enough.
-        """
+        """Correct until errors are small enough or stop decreasing; return best and rigid run."""
         from scipy.linalg import solve
 
         damping, steps = _DAMPING, 0
@@ -455,25 +450,17 @@ class _Search:
         with warnings.catch_warnings():
             # The caller warns of the last run; the trial runs need no warning.
             warnings.simplefilter("ignore", LargeDeflectionWarning)
-            return simulate(
-                arm,
-                self.duration,
-                torque=torque,
-                initial=self.first.q,
-                settings=replaced(self.settings, rate=rate, rtol=rtol, progress=False),
-            )
+            settings = replaced(self.settings, rate=rate, rtol=rtol, progress=False)
+            start = self.first.q
+            return simulate(arm, self.duration, torque=torque, initial=start, settings=settings)
 
     def _linear(self, run: _Judged) -> tuple[FloatArray, FloatArray]:
-        """Return the Gram matrix (p, p) of the response to the free coefficients and the gradient.
-
-        The gradient of the squared error has shape (p,).
-        """
+        """Return the Gram matrix (p, p) of responses to free coefficients, and the gradient."""
         knots = run.torque.knots
         stages = stage_times(run.times)
         shapes = spline_values(knots, stages.ravel())[:, free_coefficients(knots)]
-        response = torque_response(
-            self.plant, run.times, run.q, run.qd, shapes.reshape(*stages.shape, -1), run.rows
-        )
+        shapes = shapes.reshape(*stages.shape, -1)
+        response = torque_response(self.plant, run.times, run.q, run.qd, shapes, run.rows)
         matrix = response.reshape(run.missed.size, -1)
         return matrix.T @ matrix, matrix.T @ run.missed.ravel()
 

@@ -26,6 +26,7 @@ from flexarm.motion import Motion
 from flexarm.motion.dynamics.dynamics_along import MotionTorque, RigidTorque, dynamics_along
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.run import simulate
+from flexarm.simulation.run.settings import DEFAULTS, replaced
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -106,15 +107,10 @@ def flexible_torque(
     count = int(np.clip(np.ceil(_SAMPLES * fastest * until), _FEWEST, _MOST))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LargeDeflectionWarning)  # the user's run warns
-        result = simulate(
-            arm,
-            until,
-            prescribed={int(number): motion for number in arm.joint_numbers},
-            initial=arm.rest(motion.joint_angle(0.0)) if initial is None else initial,
-            rate=count / until,
-            rtol=rtol,
-            progress=False,
-        )
+        prescribed = {int(number): motion for number in arm.joint_numbers}
+        initial = arm.rest(motion.joint_angle(0.0)) if initial is None else initial
+        settings = replaced(DEFAULTS, rate=count / until, rtol=rtol, progress=False)
+        result = simulate(arm, until, prescribed=prescribed, initial=initial, settings=settings)
     inner = [t for t in motion.breaks if 0.0 < t < until]
     edges = (0.0, *inner, until)
     samples = result.time.values, result.torque.values
@@ -188,9 +184,6 @@ def finite_eigenvalues(
     If a torque does not act on the tip directly, as through the spring of an elastic joint, M is
     singular and some s are infinite. Rounding makes them finite, but much faster than anything in
     the arm that the matrices describe, which identifies them.
-
-    Args:
-        fastest: rad/s, highest frequency of the arm with its joints locked.
     """
     from scipy.linalg import eigvals
 
@@ -364,13 +357,7 @@ def joint_support(
         joint = joints[seat.link]
         changed = {"stiffness": joint.stiffness + float(k), "damping": joint.damping + float(c)}
         joints[seat.link] = joint.replace(**changed)
-    return JointSupport(
-        Arm(arm.spec.replace(joints=joints)),
-        motion,
-        stiffness,
-        damping,
-        np.array([joint.rest_angle for joint in turning]),
-        np.stack([rest.q[arm.joint_index] for rest in ends]) - angles,
-        start,
-        end,
-    )
+    rest_angles = np.array([joint.rest_angle for joint in turning])
+    sag = np.stack([rest.q[arm.joint_index] for rest in ends]) - angles
+    supported = Arm(arm.spec.replace(joints=joints))
+    return JointSupport(supported, motion, stiffness, damping, rest_angles, sag, start, end)

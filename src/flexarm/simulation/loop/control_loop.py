@@ -126,17 +126,28 @@ def misfits(
     contacts: int,
     called: str = "",
 ) -> list[Problem]:
-    """Return the requirements of a controller that are not met, one problem each.
-
-    Faults of instruments at channels that the arm does not have, and sample times of instruments
-    that do not fit the controller, are among them.
-    """
+    """Return the requirements of a controller that are not met, one problem each."""
     requirements = requirements_of(controller, arm, reference)
     called = called or type(controller).__name__
     if requirements.joints not in (None, arm.joints):
         own = f"{requirements.joints} joint{'s' * (requirements.joints != 1)}"
         return [Problem("controller", f"is for {own}, but the arm has {arm.joints}")]
     there = measured_names(arm, hardware, contacts)
+
+    def missing(name: str) -> Problem:
+        """Return the problem of a missing measurement, with a hint on its source."""
+        if name == "contact_force" and not contacts:
+            return Problem("contacts", f"are missing: {called} measures {name}")
+        if name == "strain" and not arm.gauges:
+            return Problem("arm", f"has no gauges, but {called} reads {name}")
+        hint = nearest(name, there)
+        if name == "joint_rate" and "joint_angle" in there:
+            hint = "An instrument of joint_angle with a rate_cutoff also measures it."
+        rule = f"has no instrument for {name}, which {called} reads"
+        if hardware is not None and hardware.instruments is not None:
+            rule += f"; it measures {', '.join(there) or 'nothing'}"
+        return Problem("hardware", rule, hint=hint)
+
     problems = []
     count = len(arm.gauges)
     if count and "strain" in requirements.measured and requirements.gauges not in (None, count):
@@ -144,7 +155,7 @@ def misfits(
         problems.append(Problem("arm", f"have the {gauges} that {called} reads", str(count)))
     for name in requirements.measured:
         if name not in there and not (name == "strain" and problems):
-            problems.append(_missing(called, name, arm, hardware, there, contacts))
+            problems.append(missing(name))
     problems += [one.problem() for one in channel_faults(arm.spec, hardware, contacts)]
     for k, item in enumerate((hardware and hardware.instruments) or ()):
         try:
@@ -153,28 +164,6 @@ def misfits(
             name = f"hardware.instruments[{k}].sample_time"
             problems += [replace(problem, name=name) for problem in error.problems]
     return problems
-
-
-def _missing(
-    called: str,
-    name: str,
-    arm: Arm,
-    hardware: Hardware | None,
-    there: tuple[str, ...],
-    contacts: int,
-) -> Problem:
-    """Return the problem of a missing measurement, with a hint on its source."""
-    if name == "contact_force" and not contacts:
-        return Problem("contacts", f"are missing: {called} measures {name}")
-    if name == "strain" and not arm.gauges:
-        return Problem("arm", f"has no gauges, but {called} reads {name}")
-    hint = nearest(name, there)
-    if name == "joint_rate" and "joint_angle" in there:
-        hint = "An instrument of joint_angle with a rate_cutoff also measures it."
-    rule = f"has no instrument for {name}, which {called} reads"
-    if hardware is not None and hardware.instruments is not None:
-        rule += f"; it measures {', '.join(there) or 'nothing'}"
-    return Problem("hardware", rule, hint=hint)
 
 
 class ControlLoop(ABC):
@@ -228,12 +217,7 @@ class ControlLoop(ABC):
         """Examine the rows at a sample time."""
 
     def execute(self) -> None:
-        """Advance to the end.
-
-        Raises:
-            SimulationError: if the integrator fails, the motion diverges, or the controller raises
-                or does not return finite torques.
-        """
+        """Advance to the end."""
         while self._runs_on():
             torque = self._command()
             self.times.append(self.time)

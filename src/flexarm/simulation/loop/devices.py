@@ -122,10 +122,7 @@ class Acting:
             past += rows
 
     def cubics(self, t: float, until: float) -> tuple[FloatArray, FloatArray]:
-        """Return the torque from t to ``until``: breaks (pieces + 1,) and coefficients.
-
-        The coefficients have shape (pieces, 4, joints).
-        """
+        """Return breaks (pieces + 1,) of the torque, and coefficients (pieces, 4, joints)."""
         start, target = self._now(t), self._target[-1]
         count, lag = self.pieces, self._lag
         numbers = np.result_type(start, target)  # complex in derivatives of runs
@@ -175,12 +172,8 @@ class Acting:
 #: Function of the state (2, n, 1 + m), the system and the time that returns a signal's value.
 Reader = Callable[[FloatArray, System, float], FloatArray]
 #: Columns of the tip in the results of ``poses``.
-_TIP = {
-    "tip": slice(0, 2),
-    "tip_angle": slice(2, 3),
-    "tip_velocity": slice(3, 5),
-    "tip_angle_rate": slice(5, 6),
-}
+_TIP = {"tip": slice(0, 2), "tip_angle": slice(2, 3)}
+_TIP |= {"tip_velocity": slice(3, 5), "tip_angle_rate": slice(5, 6)}
 
 
 class TipMotion:
@@ -322,18 +315,8 @@ def _point(arm: Arm, sensor: Sensor) -> Reader:
 
     def read(state: FloatArray, system: System, t: float) -> FloatArray:
         slope(system, t, True, state, torque, stages, 0, True)
-        motions(
-            system.sizes,
-            system.constants,
-            state,
-            stages[0, 1],
-            system.drive.loads,
-            places,
-            system.work,
-            body_poses,
-            tip,
-            motion,
-        )
+        now = system.sizes, system.constants, state, stages[0, 1], system.drive.loads
+        motions(*now, places, system.work, body_poses, tip, motion)
         return motion[0, sensor.columns].copy()
 
     return read

@@ -59,8 +59,10 @@ class ProgrammedSamples:
         if done:
             ends = np.cumsum([np.size(value) for value in memory.values()])[:-1]
             parts = np.split(program.numbers[program.memory], ends)
-            pairs = zip(memory.items(), parts, strict=False)
-            after = {name: _like(value, part) for (name, value), part in pairs}
+            after = {}  # in the shapes and with the types of the values before
+            for (name, value), part in zip(memory.items(), parts, strict=False):
+                array = np.asarray(value)
+                after[name] = part.reshape(array.shape).astype(array.dtype)[()]
             loop.controller._keep(after)
         return status, int(count[END])
 
@@ -110,12 +112,6 @@ def _reference(loop: ClosedLoop) -> Any:
     return loop.controller._rest if reference is None else reference
 
 
-def _like(value: Any, numbers: FloatArray) -> Any:
-    """Return numbers in the shape and with the type of a value."""
-    array = np.asarray(value)
-    return numbers.reshape(array.shape).astype(array.dtype)[()]
-
-
 def _rows(planned: Any, times: FloatArray, law: Any, reference: Any) -> FloatArray:
     """Return inputs at many times (samples, r), compared with those of single times."""
     if any(np.shape(value)[:1] != times.shape for value in planned.values()):
@@ -142,12 +138,7 @@ def _seconds(program: LawProgram) -> float:
 def programmed_samples(
     loop: ClosedLoop, measurement: Measurement, small: float
 ) -> ProgrammedSamples | None:
-    """Return samples by a program, after the first sample; None if the loop needs Python.
-
-    Args:
-        measurement: readings of the first sample.
-        small: modal coordinates below which no link has bent far.
-    """
+    """Return samples by a program, after the first sample; None if the loop needs Python."""
     run, law = loop.run, loop.controller
     alone = run.changes is None and run.watch is None and run.default_step is None
     plain = loop.hardware is None and not run.loads.placed.contacts.body.size

@@ -81,10 +81,6 @@ def loop_poles(
 
     Not analysed, and left out, are controllers that have no ``step``, cannot be copied
     or fail in the analysis, and instruments that read a `Sensor` or a torque.
-
-    Args:
-        known: results of earlier calls that differ in the initial state alone, for reuse.
-        changed: arms after changes, in the order of their begin.
     """
     plant, duration = loop.plant, loop.duration
     if not has_poles(loop.controller):
@@ -119,10 +115,7 @@ def loop_poles(
 def instability(
     loop: AnalysedLoop, known: Poles | None = None, changed: Sequence[ChangedArm] = ()
 ) -> str:
-    """Describe an instability of the sampled loop; empty if there is none or it is not analysed.
-
-    See `loop_poles` for the arguments and errors.
-    """
+    """Describe an instability of the sampled loop; empty if there is none or it is not analysed."""
     poles = loop_poles(loop, known, changed)
     text = describe_instability(poles, loop.controller.sample_time)
     if not text:
@@ -142,16 +135,12 @@ def _with_inertia(plant: Arm, share: float) -> tuple[Arm | None, str]:
 
     A torque on a flexible link without inertia of rotor or housing excites its fastest modes, which
     no sampled feedback of the joint damps. None if every joint has both.
-
-    Args:
-        share: inertia to add, relative to that of the link about its joint.
     """
     joints, places, sizes = list(plant.spec.joints), [], []
     for i, (link, joint) in enumerate(zip(plant.spec.links, joints, strict=True)):
         beam = link.beam()
-        inertia = share * float(
-            np.trapezoid(np.array(beam.mass_per_length) * np.square(beam.x), beam.x)
-        )
+        squares = np.array(beam.mass_per_length) * np.square(beam.x)
+        inertia = share * float(np.trapezoid(squares, beam.x))
         added = {}
         if not (joint.fixed or joint.hub_inertia or joint.rotor_inertia):
             added["hub_inertia"] = inertia
@@ -175,9 +164,6 @@ def describe_instability(poles: Sequence[LoopPole], sample_time: float) -> str:
 
     An instability that grows less than tenfold is ignored. Its growth counts over the time of the
     arm, and that of changed arms in a row together.
-
-    Args:
-        sample_time: of the controller, s.
     """
     grown, until = 0.0, 0.0  # exponents of the parts before, up to a time
     for (begin, end), poles_of_arm in groupby(poles, lambda pole: (pole.begin, pole.end)):
@@ -260,21 +246,12 @@ def _worst(
 
 
 def differenced(
-    arm: Arm,
-    q: FloatArray,
-    signals: Sequence[Any],
-    contacts: Sequence[Contact],
-    horizon: float,
+    arm: Arm, q: FloatArray, signals: Sequence[Any], contacts: Sequence[Contact], horizon: float
 ) -> PlantModel:
     """Linearize by central differences of the functions that a run evaluates anyway.
 
     ``linearize`` computes the same to rounding accuracy, but needs kernels for complex numbers that
     a run does not use. Compiling them would double the time of the first run on a machine.
-
-    Args:
-        q: (dof,), where the arm is at rest under some torque.
-        signals: channels of results.
-        horizon: time (s) in which a rate moves a joint of a rigid arm noticeably.
     """
     dof, joints = arm.dof, arm.joints
     still = np.zeros(dof)

@@ -44,11 +44,7 @@ if TYPE_CHECKING:
 #: Sequence numbers of the packets that end a run, and that request and grant one.
 END, START = -1, -2
 #: Values of a reference in a packet: names, and the methods of `Reference`.
-REFERENCE = {
-    "reference_angle": "joint_angle",
-    "reference_rate": "joint_rate",
-    "reference_acceleration": "joint_acceleration",
-}
+REFERENCE = {f"reference_{name}": f"joint_{name}" for name in ("angle", "rate", "acceleration")}
 #: Difference between the time of a packet and that of its sample, relative to the sample time,
 #: from which the sample times of both sides differ.
 OTHER_TIME = 0.01
@@ -103,16 +99,10 @@ class Layout:
         return np.concatenate([[token, *packet[:2]], *values]).astype(_DOUBLE).tobytes()
 
     def unpacked(self, data: bytes) -> Packet:
-        """Return the packet of bytes with a token of this run.
-
-        Raises:
-            WrongPacketError: if their number is not that of the layout, or the sequence number is
-                not a whole number.
-        """
+        """Return the packet of bytes with a token of this run."""
         if len(data) != self.size:
-            raise WrongPacketError(
-                f"has {len(data)} bytes instead of {self.size}: {self}, 8 bytes each"
-            )
+            text = f"has {len(data)} bytes instead of {self.size}: {self}, 8 bytes each"
+            raise WrongPacketError(text)
         row = np.frombuffer(data, _DOUBLE).astype(np.float64)
         number, time = row[1:HEAD]
         if not (number == np.rint(number) and number >= 0):
@@ -203,11 +193,9 @@ class Datagrams:
             (self._socket.bind if listen else self._socket.connect)(address)
         except OSError as error:
             self._socket.close()
-            what = "listen" if listen else "send"
+            name, what = ("plant", "listen") if listen else ("controller", "send")
             rule = f"be an address at which this computer can {what} ({error.strerror})"
-            raise InputError(
-                Problem("plant" if listen else "controller", rule, str(address))
-            ) from None
+            raise InputError(Problem(name, rule, str(address))) from None
 
     def send(self, data: bytes) -> None:
         """Send a datagram; one that cannot be delivered is lost."""
@@ -288,12 +276,7 @@ class SampleTimes:
     _first: float = 0.0
 
     def add(self, started: float, answered: float, ended: float, planned: float | None) -> None:
-        """Add a sample.
-
-        Args:
-            started, answered, ended: on the clock; ``answered`` may be NaN.
-            planned: its start, from that of the first sample; None without a plan.
-        """
+        """Add a sample."""
         if not self.started:
             self._first = started
         self.started.append(started - self._first)
@@ -311,12 +294,8 @@ class SampleTimes:
         """Return means, percentiles and largest values in microseconds, as lines of text."""
         heads = ["mean", *(f"{p:g} %" for p in _PERCENTILES), "largest"]
         lines = [f"{'µs':<10}" + "".join(f"{head:>11}" for head in heads)]
-        rows: dict[str, Sequence[float] | FloatArray] = {
-            "period": np.diff(self.started),
-            "late": self.late,
-            "answer": self.answered,
-            "busy": self.busy,
-        }
+        rows: dict[str, Sequence[float] | FloatArray] = {"period": np.diff(self.started)}
+        rows |= {"late": self.late, "answer": self.answered, "busy": self.busy}
         for name, values in rows.items():
             x = 1e6 * np.asarray(values)
             x = x[np.isfinite(x)]
@@ -346,12 +325,7 @@ class PartnerError(Exception):
 
 
 class OwnController:
-    """Controller in this process, which is always in time.
-
-    Attributes:
-        name: name or address.
-        counts: numbers of packets, by the name of their attribute in the result.
-    """
+    """Controller in this process, which is always in time."""
 
     def __init__(self, controller: Controller, reference: Reference | None, joints: int) -> None:
         self.name, self.counts = type(controller).__name__, dict[str, int]()
@@ -368,19 +342,11 @@ class OwnController:
 
 
 def updated(
-    controller: Controller,
-    t: float,
-    measurement: Measurement,
-    reference: Reference | None,
-    joints: int,
+    law: Controller, t: float, readings: Measurement, reference: Reference | None, joints: int
 ) -> FloatArray:
-    """Return the torques (joints,) of a controller; any number of them if ``joints`` is -1.
-
-    Raises:
-        PartnerError: if it raises, or does not return finite torques.
-    """
+    """Return the torques (joints,) of a controller; any number of them if ``joints`` is -1."""
     try:
-        given: Any = controller.update(t, measurement, reference)
+        given: Any = law.update(t, readings, reference)
     except Exception as error:
         reason = f"the controller failed with {type(error).__name__}: {error}"
         raise PartnerError(reason) from error

@@ -6,7 +6,7 @@ import copy
 import gc
 import math
 import warnings
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -15,12 +15,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.observe import channels_of
-from flexarm.base.arguments import (
-    check_count,
-    check_kind,
-    check_mapping,
-    check_positive,
-)
+from flexarm.base.arguments import check_count, check_kind, check_mapping, check_positive
 from flexarm.base.errors import (
     FlexarmError,
     FlexarmWarning,
@@ -34,7 +29,6 @@ from flexarm.base.errors import (
 )
 from flexarm.control.contract.base import (
     Controller,
-    ControllerRequirements,
     Reference,
     check_controller,
     check_reference,
@@ -117,12 +111,7 @@ class PlantLoop:
         self._begin = self._heard = 0.0
 
     def run(self, samples: int) -> xr.Dataset:
-        """Run for a number of samples.
-
-        Raises:
-            SimulationError: if the plant or the controller fails, or the controller is silent;
-                its ``result`` is the result so far.
-        """
+        """Run for a number of samples."""
         if self._paced:  # the first step of a process loads compiled functions
             with warnings.catch_warnings(), suppress(FlexarmError):  # the plant repeats them
                 warnings.simplefilter("ignore")
@@ -196,12 +185,8 @@ class PlantLoop:
             "failure": failure,
             "warning": plant.warning,
         }
-        run = make_result(
-            arm,
-            at,
-            {name: channels[name] for name in _CHANNELS if name in channels} | {"torque": applied},
-            attributes,
-        )
+        shown = {name: channels[name] for name in _CHANNELS if name in channels}
+        run = make_result(arm, at, shown | {"torque": applied}, attributes)
         return add_samples(run, at[:-1], self._readings[:steps], times)
 
 
@@ -243,12 +228,7 @@ class ControllerLoop:
         self._counts = {f"packets_{name}": 0 for name in names}
 
     def run(self) -> xr.Dataset:
-        """Answer packets until the plant ends the run.
-
-        Raises:
-            SimulationError: if the controller fails, a packet is wrong, or the plant is silent;
-                its ``result`` is the result so far.
-        """
+        """Answer packets until the plant ends the run."""
         self._controller.reset()
         self._until = self._clock.now() + self._timeout
         try:
@@ -441,14 +421,14 @@ def realtime(
         raise InputError(Problem("readings", rule))
     h = plant.sample_time
     samples = _samples(plant, duration)
-    within = (
-        0.5 * h if answer_within is None else check_positive("answer_within", answer_within, "s")
-    )
-    if within > h:
-        rule = f"be at most the sample time ({h:g} s)"
-        raise InputError(Problem("answer_within", rule, shown(answer_within)))
-    if answer_within is not None and not clock:
-        raise InputError(Problem("answer_within", "cannot be combined with clock=False"))
+    within = 0.5 * h
+    if answer_within is not None:
+        within = check_positive("answer_within", answer_within, "s")
+        if within > h:
+            rule = f"be at most the sample time ({h:g} s)"
+            raise InputError(Problem("answer_within", rule, shown(answer_within)))
+        if not clock:
+            raise InputError(Problem("answer_within", "cannot be combined with clock=False"))
     now = Clock()
     motion = sampled_reference(reference, h, samples * h)
     if motion is not None:
@@ -502,7 +482,7 @@ def _partner(
         return UdpController(address, Layout(shapes | motion), joints, clock)
     check_controller("controller", controller)
     needed = requirements_of(controller, plant.arm, reference)
-    problems = _missing("plant", "measure", controller, needed, shapes)
+    problems = _missing("plant", "measure", controller, needed.measured, shapes)
     h = plant.sample_time
     if abs(controller.sample_time - h) > _ROUNDING * h:
         rule = f"equal that of the plant ({h:g} s)"
@@ -515,15 +495,11 @@ def _partner(
 
 
 def _missing(
-    place: str,
-    verb: str,
-    controller: Controller,
-    needed: ControllerRequirements,
-    names: Collection[str],
+    place: str, verb: str, controller: Controller, read: Sequence[str], names: Collection[str]
 ) -> list[Problem]:
     """Return a problem for each required reading that is not among names."""
     kind = type(controller).__name__
-    lacking = [name for name in needed.measured if name not in names]
+    lacking = [name for name in read if name not in names]
     return [Problem(place, f"does not {verb} {name}, which {kind} reads") for name in lacking]
 
 
@@ -559,7 +535,7 @@ def _controller_loop(
         link = Link(length=1.0, flexible=False, mass_per_length=1.0)
         arm = Arm(links=[link] * max(1, sizes.get("joint_angle", (1,))[0]))
     needed = requirements_of(controller, arm, reference)
-    problems = _missing("readings", "contain", controller, needed, sizes)
+    problems = _missing("readings", "contain", controller, needed.measured, sizes)
     if 0 < len(sent) < len(REFERENCE):
         rule = f"contain all of {', '.join(REFERENCE)}, or none"
         problems.append(Problem("readings", rule, ", ".join(sent)))

@@ -13,9 +13,9 @@ from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import IntArray
 from flexarm.base.arguments import check_list_of, check_number
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.base.user_functions import call
@@ -54,11 +54,7 @@ class ChangedState(NamedTuple):
 
 
 def check_same_coordinates(path: str, before: Arm, after: Arm) -> None:
-    """Raise if two arms do not have the same coordinates.
-
-    Raises:
-        InputError: if the number of coordinates, bodies or a mode shape of a link differs.
-    """
+    """Raise if two arms do not have the same coordinates."""
     rule = "be a number that may change during a run"
     sizes = [(arm.dof, arm.assembly.bodies, arm.assembly.has_bristles) for arm in (before, after)]
     if sizes[0] != sizes[1]:
@@ -80,19 +76,13 @@ def after_change(
     remaining: Arm,
     after: Arm,
     state: FloatArray,
-    free: NDArray[np.intp],
+    free: IntArray,
     impulse: FloatArray | float,
 ) -> ChangedState:
     """Return the state of an arm after its parameters have changed at one instant.
 
     Inertia that is removed takes its momentum with it, (V.2). The momentum of the remaining arm
     and that of added mass are those of the arm afterwards: M+ qd+ = M qd + impulse, (V.1).
-
-    Args:
-        remaining: the arm ``before`` without the inertia that is removed.
-        state: (2, n, 1 + m) before the change.
-        free: indices of the coordinates whose motion is not prescribed.
-        impulse: (dof,) generalised momentum of the added mass, or 0.
     """
     q, qd = before.unpadded(state)
     M, M_after = remaining.mass_matrix(q), after.mass_matrix(q)
@@ -111,12 +101,7 @@ def after_change(
 
 
 def _jump(
-    arm: Arm,
-    q: FloatArray,
-    qd: FloatArray,
-    M: FloatArray,
-    missing: FloatArray,
-    free: NDArray[np.intp],
+    arm: Arm, q: FloatArray, qd: FloatArray, M: FloatArray, missing: FloatArray, free: IntArray
 ) -> FloatArray:
     """Return the jump of the free rates by a missing momentum (dof,); loops stay closed.
 
@@ -149,68 +134,45 @@ def _difference(before: FloatArray, after: FloatArray) -> FloatArray:
     """Return the eigenvalues of the change of a mass matrix, relative to it; rounding is zero."""
     scale = 1.0 / np.sqrt(np.diag(after))
     values = np.linalg.eigvalsh((after - before) * np.outer(scale, scale))
-    found: FloatArray = np.where(np.abs(values) > _ROUNDING * len(values), values, 0.0)
-    return found
+    return np.asarray(np.where(np.abs(values) > _ROUNDING * len(values), values, 0.0))
 
 
 def payload_impulse(arm: Arm, state: FloatArray, mass: float, velocity: FloatArray) -> FloatArray:
-    """Return the generalised momentum (dof,) of a mass at the payload's centre of mass, (V.3).
-
-    Args:
-        state: (2, n, 1 + m). mass: kg. velocity: (2,) m/s, world axes.
-    """
+    """Return the generalised momentum (dof,) of a mass at the payload's centre of mass, (V.3)."""
     q, offset = arm.unpadded(state)[0], np.array(arm.spec.payload.offset)
     angle = arm.tip(q)[2]
     lever = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ offset
     rows = np.array([arm.tip_velocity(q, unit) for unit in np.eye(arm.dof)])
     J = rows[:, :2] + np.outer(rows[:, 2], [-lever[1], lever[0]])
-    found: FloatArray = mass * (J @ velocity)
-    return found
+    return np.asarray(mass * (J @ velocity))
 
 
 class ChangedArm(NamedTuple):
-    """Arm after changes during a run.
-
-    Attributes:
-        plant: the arm.
-        begin, end: s, of its part of the run.
-        cause: the changes, in words.
-    """
+    """Arm after changes during a run."""
 
     plant: Arm
-    begin: float
-    end: float
-    cause: str
+    begin: float  # s, of its part of the run
+    end: float  # s
+    cause: str  # the changes, in words
 
 
 @dataclass
 class Happened:
-    """A change that has happened.
-
-    Attributes:
-        change: the change. time: s, its beginning.
-        start, end: the number before, and the last one.
-        energy: its part of the change of the arm's mechanical energy, over all its instants, J.
-    """
+    """A change that has happened."""
 
     change: Change
-    time: float
-    start: float
-    end: float
-    energy: float = 0.0
+    time: float  # s, its beginning
+    start: float  # the number before
+    end: float  # the last number
+    energy: float = 0.0  # J, its part of the change of the mechanical energy, over all its instants
 
 
 @dataclass(frozen=True)
 class _Course:
-    """Numbers of one change over time.
+    """Numbers of one change over time."""
 
-    Attributes:
-        times: (k,) s from the beginning of the change, the first is 0.
-        numbers: (k,) the number from each time on.
-    """
-
-    times: FloatArray
-    numbers: FloatArray
+    times: FloatArray  # (k,) s from the beginning of the change, the first is 0
+    numbers: FloatArray  # (k,) the number from each time on
 
 
 @dataclass(eq=False)
@@ -270,20 +232,11 @@ class ArmChanges:
         """Return whether a change is due at a time (s), up to rounding."""
         return self.next_time <= time * (1.0 + ROUNDING)
 
-    def apply(
-        self, time: float, state: FloatArray, free: NDArray[np.intp]
-    ) -> tuple[Arm, FloatArray]:
+    def apply(self, time: float, state: FloatArray, free: IntArray) -> tuple[Arm, FloatArray]:
         """Make the changes that are due at a time (s); return the arm and its state.
 
         All of them share one momentum balance, which does not depend on their order. The energy of
         each is that which it adds to those before it in the list.
-
-        Args:
-            state: (2, n, 1 + m) before the changes.
-            free: indices of the coordinates whose motion is not prescribed.
-
-        Raises:
-            InputError: if a number is not possible together with those of other changes.
         """
         numbers: dict[str, tuple[int, float]] = {}  # of each path the last change counts
         while self.due(time):
@@ -319,12 +272,6 @@ class ArmChanges:
         A change over many instants, such as a table, is followed at a few of them. Changes at
         events, whose time is unknown, are combined with the arm at the start and with the last arm
         of the changes at known times: those of each event, and those of all events together.
-
-        Args:
-            duration: s, of the run.
-
-        Raises:
-            InputError: if numbers are not possible together.
         """
         due = [(time, k, i) for time, k, i in self._due if time < duration]
         found = []
@@ -379,16 +326,7 @@ def _first_possible(spec: ArmSpec, numbers: Mapping[str, float]) -> tuple[str, A
 def arm_changes(
     arm: Arm, changes: Sequence[Change], duration: float, log: EventLog | None
 ) -> ArmChanges | None:
-    """Validate the changes of a run of ``arm``; return None without any.
-
-    Args:
-        duration: s, of the run; infinite for a plant without one.
-        log: of the events of the run.
-
-    Raises:
-        InputError: if ``changes`` is not a list of changes, or one does not fit the arm, its
-            events, or the duration.
-    """
+    """Validate the changes of a run of ``arm``; return None without any."""
     changes = check_list_of("changes", changes, Change)
     if not changes:
         return None
@@ -472,13 +410,9 @@ def change_variables(changes: ArmChanges) -> dict[str, Any]:
     def numbers(name: str) -> FloatArray:
         return np.array([getattr(one, name) for one in found], dtype=np.float64)
 
-    energy = "change of the arm's mechanical energy at the change"
+    time, energy = "time of the change", "change of the arm's mechanical energy at the change"
     return {
-        "change_time": (
-            "change",
-            numbers("time"),
-            {"units": "s", "long_name": "time of the change"},
-        ),
+        "change_time": ("change", numbers("time"), {"units": "s", "long_name": time}),
         "change_path": ("change", paths, {"long_name": "path of the number that changes"}),
         "change_from": ("change", numbers("start"), {**unit, "long_name": "number before"}),
         "change_to": ("change", numbers("end"), {**unit, "long_name": "last number"}),

@@ -38,14 +38,7 @@ _NUDGE = 1e-6
 
 
 def contacts_of_run(arm: Arm, contacts: Sequence[Contact], state: FloatArray) -> Contacts:
-    """Place the contacts of a run on the arm and set their mobilities.
-
-    Args:
-        state: initial state (2, n, 1 + m).
-
-    Raises:
-        InputError: under the conditions of ``place_contacts``.
-    """
+    """Place the contacts of a run on the arm and set their mobilities."""
     placed = place_contacts(arm, contacts)
     if contacts:
         bent = np.full(arm.joints, _BENT)
@@ -88,9 +81,6 @@ def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
     A point may start inside a surface, at rest or during an impact. The state (2, n, 1 + m) is
     rejected if the depth exceeds a hundredth of the reach and the contact force also exceeds ten
     times the arm's weight.
-
-    Raises:
-        InputError: if both limits are exceeded, or if the point is at the centre of a circle.
     """
     if not placed.body.size:
         return
@@ -120,21 +110,16 @@ def refuse_deep_start(arm: Arm, state: FloatArray, placed: Contacts) -> None:
 
 
 def refuse_pressing_outward(
-    arm: Arm,
-    contacts: Sequence[Contact],
-    placed: Contacts,
-    reference: object,
-    duration: float,
+    arm: Arm, contacts: Sequence[Contact], placed: Contacts, reference: object, duration: float
 ) -> None:
     """Raise if the normal of a pressed motion points into the surface that its path is on.
 
     The check covers the times at which the path, computed with rigid links, is on a surface that
     the tip can contact. Other references pass unchecked.
-
-    Raises:
-        InputError: if the normal points into the surface at one of these times.
     """
-    touching = [k for k, contact in enumerate(contacts) if _is_tip(arm, contact)]
+    end = float(arm.lengths[-1]) * (1.0 - SAME_PLACE)  # of the last link
+    stations = {k: one.station for k, one in enumerate(contacts) if one.link in (None, arm.links)}
+    touching = [k for k, station in stations.items() if station is None or station >= end]
     if not isinstance(reference, PressedMotion) or not touching:
         return
     reach, motion = arm.reach, reference.motion
@@ -153,10 +138,3 @@ def refuse_pressing_outward(
         value = f"({few(normals[first])}) at t = {times[first]:g} s, which points into it"
         hint = "Reverse the normal of pressed_motion."
         raise InputError(Problem("reference.normal", rule, value, hint))
-
-
-def _is_tip(arm: Arm, contact: Contact) -> bool:
-    """Return whether the contact point is the tip of the arm."""
-    last = float(arm.lengths[-1])
-    there = contact.station is None or contact.station >= last * (1.0 - SAME_PLACE)
-    return contact.link in (None, arm.links) and there

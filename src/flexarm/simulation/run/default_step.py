@@ -97,11 +97,7 @@ class DefaultStep:
         )
 
     def carry(self, run: Run, system: System, until: float) -> System:
-        """Advance the run to ``until`` (s) and return the system for the next call.
-
-        Raises:
-            SimulationError: if no step makes the trials agree, or both fail because of the arm.
-        """
+        """Advance the run to ``until`` (s) and return the system for the next call."""
         begun = run.progress
         mark = run.watch.mark() if run.watch is not None else None
         counts = begun.sample, begun.steps, begun.evaluations
@@ -192,9 +188,8 @@ class _Pair:
         while Status.PAUSED in (coarse.status, fine.status):
             behind = coarse.progress.time <= fine.progress.time or fine.status != Status.PAUSED
             trial = coarse if coarse.status == Status.PAUSED and behind else fine
-            system, trial.status = run.advance(
-                system, trial.progress, until, trial.times, trial.samples
-            )
+            target = until, trial.times, trial.samples
+            system, trial.status = run.advance(system, trial.progress, *target)
             if trial.status not in (Status.DONE, Status.PAUSED, *_OF_THE_ARM):
                 return system
             if not self.whole:
@@ -224,11 +219,7 @@ class _Pair:
         return self.fine.progress.steps >= _FINER * self.coarse.progress.steps
 
     def refuse(self, run: Run, enough: bool) -> None:
-        """Raise if shorter steps do not help, or if ``enough`` of them were tried.
-
-        Raises:
-            SimulationError: if both trials fail because of the arm, or no step was found.
-        """
+        """Raise if shorter steps do not help, or if ``enough`` of them were tried."""
         status = self.fine.status
         if status == self.coarse.status and status in _OF_THE_ARM:
             raise run.failure(status)

@@ -174,17 +174,17 @@ def contact_event(
 
 def events_of(specs: Sequence[EventSpec], arm: Arm) -> list[Event]:
     """Create the events of a scenario for ``arm``."""
-    return [_event(spec, arm) for spec in specs]
-
-
-def _event(spec: EventSpec, arm: Arm) -> Event:
-    common: dict[str, Any] = {"name": spec.name, "terminal": spec.terminal}
-    common["direction"] = {"both": 0, "rising": 1, "falling": -1}[spec.direction]
-    if isinstance(spec, JointEvent):
-        angle = spec.stop if spec.angle is None else spec.angle
-        assert angle is not None  # the model requires one of the two
-        return joint_event(arm, spec.joint, angle, **common)
-    return tip_event(arm, spec.point, spec.normal, **common)
+    found = []
+    for spec in specs:
+        common: dict[str, Any] = {"name": spec.name, "terminal": spec.terminal}
+        common["direction"] = {"both": 0, "rising": 1, "falling": -1}[spec.direction]
+        if isinstance(spec, JointEvent):
+            angle = spec.stop if spec.angle is None else spec.angle
+            assert angle is not None  # the model requires one of the two
+            found.append(joint_event(arm, spec.joint, angle, **common))
+        else:
+            found.append(tip_event(arm, spec.point, spec.normal, **common))
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,12 +276,7 @@ class EventLog:
 
 
 def event_log(arm: Arm, events: Sequence[Event]) -> EventLog | None:
-    """Validate the events of a run of ``arm``; return their log, or None without events.
-
-    Raises:
-        InputError: if ``events`` is not a list of events, two have the same name, or one was
-            created for a different arm.
-    """
+    """Validate the events of a run of ``arm``; return their log, or None without events."""
     events = check_list_of("events", events, Event)
     names = event_names(events)
     problems = []
@@ -305,21 +300,15 @@ def event_variables(arm: Arm, log: EventLog) -> dict[str, Any]:
     times = np.array([one.time for one in found])
     directions = np.array([one.direction for one in found], dtype=np.int64)
     axes = ("event", "coordinate")
-    modal = "rad or m kg^0.5"
+    modal, modal_rates = "rad or m kg^0.5", "rad/s or m kg^0.5/s"
+    rising = "1 where the function rises through zero, -1 falls"
+    coordinates, rates = "coordinates at the event", "rates of the coordinates at the event"
     return {
         "event_time": ("event", times, {"units": "s", "long_name": "time of the event"}),
         "event_name": ("event", names, {"long_name": "name of the event"}),
-        "event_direction": (
-            "event",
-            directions,
-            {"units": "1", "long_name": "1 where the function rises through zero, -1 falls"},
-        ),
-        "event_q": (axes, states[:, 0], {"units": modal, "long_name": "coordinates at the event"}),
-        "event_qd": (
-            axes,
-            states[:, 1],
-            {"units": "rad/s or m kg^0.5/s", "long_name": "rates of the coordinates at the event"},
-        ),
+        "event_direction": ("event", directions, {"units": "1", "long_name": rising}),
+        "event_q": (axes, states[:, 0], {"units": modal, "long_name": coordinates}),
+        "event_qd": (axes, states[:, 1], {"units": modal_rates, "long_name": rates}),
     }
 
 
@@ -350,18 +339,12 @@ class Mark(NamedTuple):
 
 @dataclass(eq=False)
 class Watch:
-    """Search for events in the samples of a run as they are computed, with a log of the results.
+    """Search for events in the samples of a run as they are computed, with a log of the results."""
 
-    Attributes:
-        arm: the simulated arm.
-        integrator, tolerance: method and tolerances of the run, for locating a crossing.
-        log: the requested events, and those found.
-    """
-
-    arm: Arm
-    integrator: Integrator
-    tolerance: Tolerance
-    log: EventLog
+    arm: Arm  # the simulated arm
+    integrator: Integrator  # method and tolerances of the run, for locating a crossing
+    tolerance: Tolerance  # method and tolerances of the run, for locating a crossing
+    log: EventLog  # the requested events, and those found
     _seen: int = 0  # samples processed
     _last: _Point | None = field(default=None, repr=False)
 
@@ -380,13 +363,7 @@ class Watch:
         self._last = self._point(progress.time, progress.state)
 
     def jump(self, before: FloatArray, progress: Progress, tolerance: Tolerance) -> list[Found]:
-        """Continue the search after a jump of the state; log and return the events in it.
-
-        An event that ends the run is the last one.
-
-        Args:
-            before: (2, n, 1 + m), the state before the jump.
-        """
+        """Continue the search after a jump of the state; log and return the events in it."""
         left = self._point(progress.time, before)
         self.go_on(progress, tolerance)
         right, found = self._last, []
@@ -419,9 +396,6 @@ class Watch:
 
         Unless the integrator only paused, its last state counts as a sample, because the system
         may change from there on.
-
-        Raises:
-            SimulationError: if an event function raises or does not return one finite number.
         """
         first, self._seen = self._seen, progress.sample
         for start in range(first, progress.sample, _CHUNK):
@@ -508,9 +482,8 @@ class Watch:
         no_times, no_samples = np.zeros(0), np.zeros((0, *start.state.shape))
         status = Status.PAUSED
         while status == Status.PAUSED:
-            status = self.integrator.advance(
-                system, self.tolerance, progress, until, no_times, no_samples, _STEPS_A_CALL
-            )
+            target = until, no_times, no_samples, _STEPS_A_CALL
+            status = self.integrator.advance(system, self.tolerance, progress, *target)
         if status != Status.DONE:
             raise SimulationError(until, f"an event was not located: {status.sentence}")
         return progress.state
@@ -566,8 +539,7 @@ class Watch:
 
 def _crossed(before: FloatArray, after: FloatArray) -> FloatArray:
     """Return whether values reached or crossed zero; a value that starts at zero does not count."""
-    crossed: FloatArray = (before != 0.0) & (np.sign(before) * np.sign(after) <= 0.0)
-    return crossed
+    return np.asarray((before != 0.0) & (np.sign(before) * np.sign(after) <= 0.0))
 
 
 def _at_once(event: Event, times: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray | None:

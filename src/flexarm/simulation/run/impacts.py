@@ -81,22 +81,12 @@ _TWICE = 3
 
 
 def run_through_impacts(
-    run: Run,
-    history_of: Callable[[float], PiecewiseCubic],
-    checkpoints: Checkpoints | None = None,
+    run: Run, history_of: Callable[[float], PiecewiseCubic], checkpoints: Checkpoints | None = None
 ) -> Beginning:
     """Simulate under a torque; repeat the run with tighter tolerances if impacts require it.
 
     Returns the beginning of the run. The run gets a warning if its error remains larger than the
     tolerances promise. A fixed step is kept and compared with half of it.
-
-    Args:
-        history_of: function that returns the torque history for a relative tolerance of the run.
-        checkpoints: filled by the simulation that counts.
-
-    Raises:
-        InputError: if the run is hopeless; see ``choose_by_work``.
-        SimulationError: if the run cannot continue; ``run`` keeps the samples computed last.
     """
     requested = run.tolerance.relative
     beginning = run_to_slips(run, history_of, checkpoints)
@@ -109,20 +99,15 @@ def run_through_impacts(
         _compare_with_looser(run, beginning, allowed)
     elif stops or (impacts and not _agrees_with_looser(run, beginning, allowed)):
         _tighten(run, beginning)
-    elif not impacts and run.request is not None and not run.promised:
+    elif not impacts and run.request is not None and run.settings.accuracy is None:
         _compare_growth(run, beginning, run.request)
     return beginning
 
 
 def run_to_slips(
-    run: Run,
-    history_of: Callable[[float], PiecewiseCubic],
-    checkpoints: Checkpoints | None = None,
+    run: Run, history_of: Callable[[float], PiecewiseCubic], checkpoints: Checkpoints | None = None
 ) -> Beginning:
-    """Simulate under a torque; repeat the run with steps that end at its breaks to find slips.
-
-    The arguments, the returned object and the exceptions are those of ``run_through_impacts``.
-    """
+    """Simulate under a torque; repeat the run with steps that end at its breaks to find slips."""
     history = history_of(run.tolerance.relative)  # also sets the start of prescribed joints
     beginning = Beginning.of(run, history_of, checkpoints)
     run_open_loop(run, history, checkpoints)
@@ -160,9 +145,8 @@ def misses_slip(run: Run) -> bool:
     history, fixed, search = run.history, not run.integrator.adaptive, run.default_step
     step = search.shortest if search is not None else run.integrator.step
     apart = float(step or 0.0) if fixed else 0.0
-    return history is not None and any(
-        _misses_slip(part, history, apart) for _, part in run.parts()
-    )
+    parts = [part for _, part in run.parts()]
+    return history is not None and any(_misses_slip(part, history, apart) for part in parts)
 
 
 def _misses_slip(run: Run, history: PiecewiseCubic, step: float) -> bool:
@@ -230,9 +214,8 @@ def meets_stops(run: Run) -> bool:
 def slides(run: Run) -> bool:
     """Return whether a joint that friction can hold moves in a sample."""
     rates = run.samples[: run.progress.sample, 1, :, 0]
-    return run.arm.assembly.has_sticking and bool(
-        rates[:, run.arm.assembly.constants.holds > 0.0].any()
-    )
+    moving = rates[:, run.arm.assembly.constants.holds > 0.0].any()
+    return run.arm.assembly.has_sticking and bool(moving)
 
 
 def returns(run: Run) -> bool:
@@ -263,13 +246,7 @@ def returns_to_surface(
 def may_grow(
     method: str, samples: FloatArray, constants: ArmConstants, unit: FloatArray, times: FloatArray
 ) -> bool:
-    """Return whether a free joint turns far, or vibrations last, in samples (k, 2, n, 1 + m).
-
-    Args:
-        method: name of the integrator; vibrations count in one that damps them.
-        unit: `Tolerance.unit` of the run.
-        times: of the samples, s.
-    """
+    """Return whether a free joint turns far, or vibrations last, in samples (k, 2, n, 1 + m)."""
     if len(samples) < 2:
         return False
     turns = np.abs(np.diff(samples[:, 0, :, 0], axis=0)).sum(axis=0)
@@ -283,11 +260,7 @@ def may_grow(
 
 
 def _compare_growth(run: Run, beginning: Beginning, request: float) -> None:
-    """Compare a run whose errors may grow with a looser one, and repeat it or warn.
-
-    Args:
-        request: accepted error over the reach.
-    """
+    """Compare a run whose errors may grow with a looser one, and repeat it or warn."""
     constants, count = constants_with(run.arm, run.prescribed), run.progress.sample
     unit, times = run.tolerance.unit, run.sample_times
     if not may_grow(run.integrator.name, run.samples[:count], constants, unit, times):
@@ -304,15 +277,10 @@ def _compare_growth(run: Run, beginning: Beginning, request: float) -> None:
 
 
 def growth_error(arm: Arm, samples: FloatArray, others: FloatArray) -> FloatArray:
-    """Estimate the error (k,) of the tip in samples (k, 2, n, 1 + m), over the reach.
-
-    Args:
-        others: samples of a run with tolerances larger by `LOOSER`.
-    """
+    """Estimate the error (k,) of the tip in samples (k, 2, n, 1 + m), over the reach."""
     count = min(len(samples), len(others))
     tips = (tips_of(arm, states[:count])[:, :2] for states in (samples, others))
-    error: FloatArray = share_of_finer(LOOSER) / reach_of(arm) * np.hypot(*np.subtract(*tips).T)
-    return error
+    return np.asarray(share_of_finer(LOOSER) / reach_of(arm) * np.hypot(*np.subtract(*tips).T))
 
 
 def repeats_growth(error: FloatArray, request: float) -> bool:
@@ -327,11 +295,7 @@ def doubt_of_growth(arm: Arm, times: FloatArray, error: FloatArray, request: flo
 
 
 def allowed_error(relative: float, request: float | None) -> float:
-    """Return the error, as a part of the reach, above which a run through impacts is doubtful.
-
-    Args:
-        request: accepted error over the reach; None if tolerances are given.
-    """
+    """Return the error, as a part of the reach, above which a run through impacts is doubtful."""
     allowed = _PROMISED * relative
     return max(allowed if request is None else min(allowed, _MISSED * request), _VISIBLE)
 
@@ -444,8 +408,7 @@ def difference(run: Run, before: FloatArray, before_times: FloatArray, count: in
     same = before_times[:count] == run.sample_times[:count]
     unit = run.tolerance.unit[0]
     apart = np.abs(before[:count, 0] - run.samples[:count, 0]) / unit
-    largest: FloatArray = apart.max(axis=(1, 2)) * same * float(unit[:, 0].min())
-    return largest
+    return np.asarray(apart.max(axis=(1, 2)) * same * float(unit[:, 0].min()))
 
 
 def _parted(run: Run) -> float:
@@ -463,8 +426,7 @@ def _error_of_finer(apart: FloatArray, coarse: float, fine: float, parted: float
     """Estimate the error of the finer of two runs, from their difference and their tolerances."""
     gain = _gain(coarse, fine)
     share = np.where(apart > parted, max(_SHARE, gain), gain)
-    error: FloatArray = np.where(np.isfinite(apart), apart * share, np.inf)
-    return error
+    return np.asarray(np.where(np.isfinite(apart), apart * share, np.inf))
 
 
 def _doubt(run: Run, error: FloatArray, allowed: float, remedy: str = "") -> None:
@@ -508,9 +470,6 @@ def loop_comparison(
     """Return a function that warns, after a run with a controller, if its impacts repeat.
 
     Call it before the run, because a controller may keep what it learns.
-
-    Args:
-        repetition: function that copies the loop and returns a function that executes the copy.
     """
     stops = run.arm.assembly.constants.limits[:, 2].any()
     impacts = stops or run.loads.placed.contacts.body.size
@@ -521,11 +480,7 @@ def loop_comparison(
 
 
 def _compare_loops(run: Run, beginning: Beginning, execute: Callable[[Run], None]) -> None:
-    """Warn if impacts repeat in a run with a controller and its error is too large.
-
-    Args:
-        execute: function that executes the loop again, with the same controller from its start.
-    """
+    """Warn if impacts repeat in a run with a controller and its error is too large."""
     tolerance = beginning.tolerance
     if not (meets_stops(run) or returns(run)):
         return

@@ -68,16 +68,7 @@ class Choice(NamedTuple):
 def check_integrator(
     requested: str | Integrator, step: float | None, touching: bool = False
 ) -> None:
-    """Validate the requested integrator and step, independently of the arm.
-
-    Args:
-        touching: whether the run has contacts.
-
-    Raises:
-        InputError: if no integrator has that name, the integrator does not support contacts and
-            there are some, the step is not positive, or a step is combined with an integrator
-            object, which has its own.
-    """
+    """Validate the requested integrator and step, independently of the arm."""
     if step is not None:
         check_positive("step", step)
     known = isinstance(requested, str) and requested in ("auto", *INTEGRATORS)
@@ -106,24 +97,24 @@ def choose_integrator(
     prescribed: tuple[int, ...] = (),
     duration: float = math.inf,
 ) -> Choice:
-    """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance.
-
-    The drive of the run and its sample time count in ``simulation.run.work``.
-
-    Args:
-        touch: frequency (rad/s) of the arm on the stiffest surface of a contact; 0 for none.
-        prescribed: joints, by number from 1, whose motion is prescribed.
-        duration: s; infinite if it is not known.
-
-    Raises:
-        InputError: under the conditions of ``check_integrator``, or if the friction of a joint has
-            bristles or holds and the requested integrator does not support that.
-    """
+    """Return the integrator of a run; "auto" uses the arm's vibrations and the tolerance."""
     check_integrator(requested, step, touch > 0.0)
-    _refuse_with_bristles(requested, step, arm)
-    _refuse_with_sticking(requested, arm)
-    _refuse_with_closures(requested, arm)
-    choice = _choose(requested, step, arm, tolerance, touch, prescribed, duration)
+    _refuse_unfollowed(requested, step, arm)
+    if isinstance(requested, Integrator):
+        choice = Choice(requested, "given by the user", insisted=True)
+    elif requested != "auto":
+        method = INTEGRATORS[requested](step=step)
+        choice = Choice(method, "named by the user", doubt=_smoothing_doubt(method, arm, tolerance))
+    elif step is not None:
+        method = RungeKutta4(step=step)
+        choice = Choice(method, "fixed step requested", by_drive=touch == 0.0)
+    elif arm.assembly.has_bristles:
+        reason = "order 5 with friction implicit: bristles of a sliding joint follow its rate too "
+        choice = Choice(KennedyCarpenter5(), f"{reason}fast for an explicit method", open=True)
+    else:
+        steep = _is_steep(arm, tolerance, touch, prescribed, duration)
+        choice = _by_stiffness(arm, tolerance, touch, steep)
+        choice = choice._replace(doubt=_smoothing_doubt(choice.integrator, arm, tolerance))
     choice = choice._replace(integrator=settling(choice.integrator, arm, tolerance, prescribed))
     # Strong damping limits an explicit step in the same way as a vibration.
     damping = float(arm.assembly.constants.damping.max(initial=0.0))
@@ -153,73 +144,32 @@ def settling(
     return replace(method, step=_SETTLING / rate)
 
 
-def _choose(
-    requested: str | Integrator,
-    step: float | None,
-    arm: Arm,
-    tolerance: Tolerance,
-    touch: float,
-    prescribed: tuple[int, ...],
-    duration: float,
-) -> Choice:
-    if isinstance(requested, Integrator):
-        return Choice(requested, "given by the user", insisted=True)
-    if requested == "auto":
+def _refuse_unfollowed(requested: str | Integrator, step: float | None, arm: Arm) -> None:
+    """Raise if a requested integrator does not follow bristles, sticking or closures of the arm."""
+    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
+    control = "Bristles of a sliding joint need step control; use"
+    if kind is None:
         if step is not None:
-            return Choice(RungeKutta4(step=step), "fixed step requested", by_drive=touch == 0.0)
-        if arm.assembly.has_bristles:
-            return Choice(
-                KennedyCarpenter5(),
-                "order 5 with friction implicit: bristles of a sliding joint follow its rate too "
-                "fast for an explicit method",
-                open=True,
-            )
-        steep = _is_steep(arm, tolerance, touch, prescribed, duration)
-        choice = _by_stiffness(arm, tolerance, touch, steep)
-        return choice._replace(doubt=_smoothing_doubt(choice.integrator, arm, tolerance))
-    method = INTEGRATORS[requested](step=step)
-    doubt = _smoothing_doubt(method, arm, tolerance)
-    return Choice(method, "named by the user", doubt=doubt)
+            refuse_bristles(arm, "step", hint=f"{control} rtol and atol.")
+        return
 
+    def following(what: str) -> str:
+        names = (name for name, one in INTEGRATORS.items() if getattr(one, f"follows_{what}"))
+        return ", ".join(map(repr, names))
 
-def _refuse_with_bristles(requested: str | Integrator, step: float | None, arm: Arm) -> None:
-    """Raise if friction has bristles and a requested integrator does not support them."""
-    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
-    if kind is None and step is not None:
-        hint = "Bristles of a sliding joint need step control; use rtol and atol."
-        refuse_bristles(arm, "step", hint=hint)
-    if kind is not None and not kind.follows_bristles:
-        names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_bristles]
-        hint = f"Bristles of a sliding joint need step control; use one of {', '.join(names)}."
+    if not kind.follows_bristles:
+        hint = f"{control} one of {following('bristles')}."
         refuse_bristles(arm, "integrator", shown(kind.name), hint)
-
-
-def _refuse_with_sticking(requested: str | Integrator, arm: Arm) -> None:
-    """Raise if friction holds a joint and a requested integrator does not let joints stick."""
-    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
-    if kind is not None and not kind.follows_sticking:
-        names = [repr(name) for name, kind in INTEGRATORS.items() if kind.follows_sticking]
-        hint = f"Use one of {', '.join(names)}, or friction that creeps: smoothing_rate=0.01."
+    if not kind.follows_sticking:
+        hint = f"Use one of {following('sticking')}, or friction that creeps: smoothing_rate=0.01."
         refuse_sticking(arm, "integrator", shown(kind.name), hint)
-
-
-def _refuse_with_closures(requested: str | Integrator, arm: Arm) -> None:
-    """Raise if a requested integrator does not keep the loops of a mechanism closed."""
-    kind = INTEGRATORS.get(requested) if isinstance(requested, str) else requested
-    if kind is not None and arm.closure_rows and not kind.follows_closures:
-        names = ", ".join(repr(name) for name, kind in INTEGRATORS.items() if kind.follows_closures)
-        rule = f"be one of 'auto', {names} for an arm with closures"
+    if arm.closure_rows and not kind.follows_closures:
+        rule = f"be one of 'auto', {following('closures')} for an arm with closures"
         raise InputError(Problem("integrator", rule, shown(kind.name)))
 
 
 def choose_by_drive(choice: Choice, arm: Arm, stops: FloatArray, duration: float) -> Choice:
-    """Return the integrator of an open-loop run from the times at which its drive is not smooth.
-
-    Args:
-        choice: choice without the drive; returned unchanged without a fixed step.
-        stops: (k,) times (s) at which torques and loads jump or have a kink: steps end there.
-        duration: s.
-    """
+    """Return the integrator of an open-loop run from the times at which its drive is not smooth."""
     if choice.integrator.adaptive or choice.integrator.step is None:
         return choice
     inside = stops[(stops > 0.0) & (stops < duration)]
@@ -234,9 +184,6 @@ def friction_doubt(integrator: Integrator, arm: Arm, longest: float) -> str:
 
     Unlike a vibration, friction cannot grow beyond bounds: the joint shakes instead of sticking,
     and the result looks plausible.
-
-    Args:
-        longest: upper limit (s) of steps, whatever the integrator's own: the sample time of a loop.
     """
     if integrator.adaptive or integrator.step is None:
         return ""
@@ -303,11 +250,8 @@ def _by_stiffness(arm: Arm, tolerance: Tolerance, touch: float, steep: bool) -> 
     has no advantage.
     """
     if steep:
-        return Choice(
-            KennedyCarpenter5(),
-            "order 5 with friction implicit: a sticking joint settles too fast for an explicit "
-            "method",
-        )
+        reason = "order 5 with friction implicit: a sticking joint settles too fast for an "
+        return Choice(KennedyCarpenter5(), f"{reason}explicit method")
     c = arm.assembly.constants
     real = c.w2 > 0.0
     if real.any():
@@ -317,22 +261,16 @@ def _by_stiffness(arm: Arm, tolerance: Tolerance, touch: float, steep: bool) -> 
         limit = _STIFF / (_STICKING if arm.assembly.has_sticking else 1.0)
         stiff = ratio > limit * np.sqrt(_AT / tolerance.relative)
         if stiff and touch > tolerance.fastest:
-            return Choice(
-                DormandPrince8(),
-                "order 8 with step control: a touch is faster than any vibration and has to be "
-                "followed",
-            )
+            reason = "order 8 with step control: a touch is faster than any vibration and has to "
+            return Choice(DormandPrince8(), f"{reason}be followed")
         if stiff:
             return Choice(
                 KennedyCarpenter5(),
                 f"order 5 with bending implicit: the fastest vibration ({ratio:.0f} times the "
                 "slowest) need not be followed at the tolerances in use",
             )
-    return Choice(
-        DormandPrince8(),
-        "order 8 with step control: fewest evaluations at the tolerances in use",
-        open=touch <= tolerance.fastest,
-    )
+    reason = "order 8 with step control: fewest evaluations at the tolerances in use"
+    return Choice(DormandPrince8(), reason, open=touch <= tolerance.fastest)
 
 
 def _is_steep(

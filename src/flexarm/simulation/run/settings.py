@@ -143,21 +143,16 @@ class RunSettings:
             if own[name] is not None:
                 own[name] = check_positive(name, own[name])
         if self.accuracy is not None:
-            self._check_accuracy()
+            for name in (name for name in _TOLERANCES if own[name] is not None):
+                raise InputError(Problem("accuracy", f"cannot be combined with {name}"))
+            method = self.integrator
+            kind = INTEGRATORS.get(method) if isinstance(method, str) else method
+            if kind is not None and not kind.adaptive:
+                rule = f"is not supported with the integrator {kind.name!r}, which has no step "
+                raise InputError(Problem("accuracy", f"{rule}control"))
         own["stations"] = check_count("stations", self.stations, 0, MOST_STATIONS)
         if self.stations == 1:
             raise InputError(Problem("stations", "be 0, or at least 2 (root and tip)", "1"))
-
-    def _check_accuracy(self) -> None:
-        """Raise if tolerances are given, too, or the method has no step control."""
-        stated = {name: getattr(self, name) is not None for name in _TOLERANCES}
-        for name in filter(stated.get, stated):
-            raise InputError(Problem("accuracy", f"cannot be combined with {name}"))
-        method = self.integrator
-        kind = INTEGRATORS.get(method) if isinstance(method, str) else method
-        if kind is not None and not kind.adaptive:
-            rule = f"is not supported with the integrator {kind.name!r}, which has no step control"
-            raise InputError(Problem("accuracy", rule))
 
 
 def replaced(settings: RunSettings, **changed: Any) -> RunSettings:
@@ -206,26 +201,16 @@ DEFAULTS = RunSettings()
 
 
 def with_keywords(kind: type[MethodSettings], *declared: type[Any]) -> Callable[[F], F]:
-    """Show keyword arguments of a ``kind`` in the signature of a function, with their defaults.
-
-    Args:
-        declared: data classes whose fields are arguments, besides `RunSettings`.
-    """
+    """Show keyword arguments of a ``kind`` in the signature of a function, with their defaults."""
 
     def decorated(function: F) -> F:
         explicit = signature(function)
         own = [p for p in explicit.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
         own_defaults = {} if "accuracy" in kind.__annotations__ else {"rtol": RTOL}
-        own += [
-            Parameter(
-                field.name,
-                Parameter.KEYWORD_ONLY,
-                default=own_defaults.get(field.name, field.default),
-            )
-            for record in (*declared, RunSettings)
-            for field in fields(record)
-            if field.name in kind.__annotations__
-        ]
+        for field in (field for record in (*declared, RunSettings) for field in fields(record)):
+            if field.name in kind.__annotations__:
+                default = own_defaults.get(field.name, field.default)
+                own.append(Parameter(field.name, Parameter.KEYWORD_ONLY, default=default))
         vars(function)["__signature__"] = explicit.replace(parameters=own)
         vars(function)["keywords"] = kind.__annotations__.keys()
         return function
@@ -240,13 +225,6 @@ def settings_of(
 
     Settings that the function does not have are the default ones. Tolerances decide in a function
     without ``accuracy``, such as one that computes derivatives.
-
-    Args:
-        function: the called one, decorated by `with_keywords`.
-
-    Raises:
-        InputError: if a keyword is not a setting of the function, has the wrong value, or differs
-            from a value in ``settings`` that is not the default one.
     """
     names = vars(function)["keywords"] & vars(DEFAULTS).keys()
     if not keywords.keys() <= names:

@@ -37,43 +37,30 @@ _REST = 1e-10
 
 
 def run_accurately(
-    run: Run,
-    history_of: Callable[[float], PiecewiseCubic],
-    checkpoints: Checkpoints | None = None,
+    run: Run, history_of: Callable[[float], PiecewiseCubic], checkpoints: Checkpoints | None = None
 ) -> None:
-    """Simulate under a torque; repeat the run if its motion is small beside the tolerance.
-
-    The arguments and the exception are those of ``run_through_impacts``.
-    """
-    tolerance = run.tolerance
+    """Simulate under a torque; repeat the run if its motion is small beside the tolerance."""
+    tolerance, default = run.tolerance, run.settings.atol is None
     beginning = run_through_impacts(run, history_of, checkpoints)
     first = run.samples[: run.progress.sample]
     if not run.integrator.adaptive:
         run.doubt = run.doubt or _doubt_of_search(run, first)
         return
     steps = run.progress.steps
-    motion = small_motion(run.tolerance, tolerance.relative, run.default_atol, first, steps)
+    motion = small_motion(run.tolerance, tolerance.relative, default, first, steps)
     if motion is None:
         return
     fine = tolerance._replace(absolute=_REPEATED * tolerance.relative * motion)
     beginning.restore(run, beginning.choice, fine)
     run_through_impacts(run, history_of, checkpoints)
-    if not run.default_atol:
+    if not default:
         run.doubt = run.doubt or _doubt(tolerance, run, first, motion)
 
 
 def small_motion(
     tolerance: Tolerance, relative: float, default: bool, samples: FloatArray, steps: int
 ) -> float | None:
-    """Return the motion in a run that has to be repeated, and None if one run is accurate enough.
-
-    Args:
-        tolerance: of the run.
-        relative: requested relative tolerance.
-        default: whether the absolute tolerance is the default one.
-        samples: (k, 2, n, 1 + m) of the run.
-        steps: number of its steps.
-    """
+    """Return the motion in a run that has to be repeated; None if one run is accurate enough."""
     share = _LOOSE * relative if default else max(_NEAR, relative)
     return _motion(tolerance, samples, tolerance.absolute * min(1.0 / share, steps / _SUM))
 

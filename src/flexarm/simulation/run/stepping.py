@@ -35,14 +35,19 @@ from flexarm.simulation.run.default_step import DefaultStep, default_step
 from flexarm.simulation.run.events import Found, Watch
 from flexarm.simulation.run.integrator_choice import Choice, friction_doubt
 from flexarm.simulation.run.progress import Meter
+from flexarm.simulation.run.settings import RunSettings
 from flexarm.simulation.run.tolerance import for_arm
 
 #: Channels of the three section forces, in the order of the kernels.
 SECTION_CHANNELS = ("axial_force", "shear_force", "bending_moment")
 #: Hints for failures that neither a smaller step nor other gains avoid.
 _HINTS = {
-    Status.PRESSED_THROUGH: "Increase the stiffness of the contact or the radius of the surface.",
+    Status.PRESSED_THROUGH: "Increase the stiffness of the contact or the radius of the surface."
 }
+_HINT = (
+    "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or modes=k on "
+    "the links; check torques, gains and damping signs."
+)
 #: Duration (s) of one compiled call: short enough for the progress bar and Ctrl-C.
 _CALL_SECONDS = 0.1
 #: Compiling for one model size takes about ten seconds and saves a third of each step. It pays off
@@ -61,6 +66,8 @@ _CHUNK = 4096
 #: Statuses that most calls return; attributes of an enumeration are slow.
 _DONE, _PAUSED = Status.DONE, Status.PAUSED
 
+#: Coordinates and rates, (dof,) each.
+State = tuple[FloatArray, FloatArray]
 #: Texts of warnings and their categories.
 Notices = list[tuple[str, type[FlexarmWarning]]]
 
@@ -76,23 +83,11 @@ def section_channels(forces: FloatArray) -> dict[str, FloatArray]:
 
 
 def failure_of(
-    status: Status,
-    time: float,
-    state: tuple[FloatArray, FloatArray],
-    reason: str = "",
-    hint: str = "",
+    status: Status, time: float, state: State, reason: str = "", hint: str = ""
 ) -> SimulationError:
     """Return the error for a run that ended at a time and state (q, qd) for the given reason."""
     reason = reason or status.sentence
-    hint = (
-        hint
-        or _HINTS.get(status)
-        or (
-            "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or "
-            "modes=k on the links; check torques, gains and damping signs."
-        )
-    )
-    return SimulationError(time, reason, hint, state)
+    return SimulationError(time, reason, hint or _HINTS.get(status, _HINT), state)
 
 
 class Span(NamedTuple):
@@ -152,8 +147,8 @@ class Run:
     samples: FloatArray
     loads: LoadHistory
     meter: Meter
+    settings: RunSettings
     prescribed: tuple[int, ...] = ()  # joints, from 1, whose motion is prescribed
-    stations: int = 0  # on each link, for section forces
     specialized: bool | None = None  # compile for this model size; None decides by remaining work
     watch: Watch | None = None  # search for events
     history: PiecewiseCubic | None = None  # of a run without a controller
@@ -162,9 +157,7 @@ class Run:
     doubt: str = ""  # warning that the result may be less accurate than the defaults promise
     notices: Notices = field(default_factory=list)  # warnings of the result
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
-    default_atol: bool = False  # whether the absolute tolerance is the default one
     request: float | None = None  # error over the reach; None if tolerances are given
-    promised: bool = False  # whether the request is the user's, which other runs verify
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
     environment: Environment = EMPTY  # source of ``loads``
@@ -201,7 +194,7 @@ class Run:
         system = self.system(PiecewiseCubic.constant(np.zeros(arm.joints)))
         wrench, motor = np.zeros((len(times), n, 3)), np.zeros((len(times), n))
         torques, closing = arm.padded_torque(given), np.zeros((len(times), arm.closure_rows + 1))
-        cuts = cuts_at(arm, self.stations) if self.stations else []
+        cuts = cuts_at(arm, self.settings.stations) if self.settings.stations else []
         sections = []  # the arm cut at one station of each link, with the loads inboard of these
         for cut in cuts:
             inboard = loads_inboard(arm, self.loads.owners, self.loads.placed, cut.reach)
@@ -333,15 +326,8 @@ class Run:
             part = slice(begin, max(span.end, begin))
             count = part.stop - part.start
             progress = replace(self.progress, sample=count)
-            own = replace(
-                self,
-                arm=span.arm,
-                loads=span.loads,
-                sample_times=self.sample_times[part],
-                samples=self.samples[part],
-                progress=progress,
-                spans=[],
-            )
+            own = replace(self, arm=span.arm, loads=span.loads, progress=progress, spans=[])
+            own.sample_times, own.samples = self.sample_times[part], self.samples[part]
             found.append((part, own))
             begin = part.stop
         return [one for one in found if one[0].stop > one[0].start] or found[:1]
@@ -393,9 +379,8 @@ class Run:
             SimulationError: if the step has become too short to reach the time.
         """
         started = time.perf_counter()
-        status = self.integrator.advance(
-            system, self.tolerance, progress, until, sample_times, samples, self.max_steps
-        )
+        target = until, sample_times, samples, self.max_steps
+        status = self.integrator.advance(system, self.tolerance, progress, *target)
         if status is not _PAUSED:
             return system, status
         if time.perf_counter() - started < _CALL_SECONDS:
@@ -466,7 +451,7 @@ class Run:
         """Return the error for a run that ended with a status or for the given reason."""
         return failure_of(status, self.progress.time, self.state(), reason, hint)
 
-    def state(self) -> tuple[FloatArray, FloatArray]:
+    def state(self) -> State:
         """Return the last valid state (q, qd)."""
         state = self.arm.unpadded(self.progress.state)
         return state[0], state[1]

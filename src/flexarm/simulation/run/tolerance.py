@@ -44,9 +44,6 @@ def absolute_tolerance(arm: Arm, atol: float | None, rtol: float) -> tuple[float
 
     By default it is a hundredth of the relative one, and the length is the reach of the arm. Runs
     of arms of different sizes then have one fraction, and step control is free of units.
-
-    Args:
-        atol: as requested, m at the tip; None for the default.
     """
     return (_SHARE * rtol, reach_of(arm)) if atol is None else (atol, 1.0)
 
@@ -59,10 +56,6 @@ def tolerance_of(
     A joint angle moves the tip by the outboard reach; a mode moves it by its tip deflection and by
     its tip slope times the reach beyond. Rates are scaled to displacements by the mode's own
     frequency, those of joints by the lowest one or, without any, by the duration.
-
-    Args:
-        relative: relative tolerance. absolute: absolute one over ``scale`` (m at the tip).
-        horizon: duration of the run (s), or a duration of its order.
     """
     tolerance = Tolerance(absolute, relative, tip_units(arm), 0.0, scale)
     return for_arm(tolerance, arm, state, horizon)
@@ -83,11 +76,7 @@ def reach_of(arm: Arm) -> float:
 
 
 def tip_units(arm: Arm, scale: float = 1.0, horizon: float = 1.0) -> FloatArray:
-    """Return coordinates and rates (2, n, 1 + m) per displacement of the tip by ``scale`` (m).
-
-    Args:
-        horizon: time (s) over which the rate of a joint counts, for an arm without bending.
-    """
+    """Return coordinates and rates (2, n, 1 + m) per displacement of the tip by ``scale`` (m)."""
     unit = _units.get(arm)
     if unit is None:
         unit = _units[arm] = _unit(arm)
@@ -163,9 +152,8 @@ def fastest_frequencies(arm: Arm, states: FloatArray, least: float = 0.0) -> Flo
     if np.any(c.w2) or np.any(c.joint_stiffness):
         kernels, torque = KernelView(c), np.zeros(c.mass.size)
         moved, change = kernels.zeros(2), kernels.zeros(2)
-        kernels.call(
-            fastest_vibrations, states, kernels.loads, kernels.work, moved, change, torque, found
-        )
+        work = kernels.loads, kernels.work, moved, change, torque
+        kernels.call(fastest_vibrations, states, *work, found)
     return np.maximum(found, least)
 
 
@@ -174,28 +162,19 @@ def friction_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
 
     It is that of small motions of one joint from rest, with straight links and all joint angles
     zero; 0 without friction of a joint that is free.
-
-    Args:
-        prescribed: joints, by number from 1, whose motion is prescribed.
     """
     rates = _friction.setdefault(arm, {})
     if prescribed not in rates:
-        rates[prescribed] = _friction_rate(constants_with(arm, prescribed))
+        c = constants_with(arm, prescribed)
+        coulomb, rise, _, smoothing, viscous, more_coulomb, more_viscous = c.friction.T
+        slope = (coulomb + rise + 0.5 * more_coulomb) / smoothing + viscous + 0.5 * more_viscous
+        # Friction that holds does not settle: runs lock a joint that sticks.
+        rates[prescribed] = _fastest_decay(c, slope * c.free * (1.0 - c.holds))
     return rates[prescribed]
 
 
-def _friction_rate(c: ArmConstants) -> float:
-    coulomb, rise, _, smoothing, viscous, more_coulomb, more_viscous = c.friction.T
-    slope = (coulomb + rise + 0.5 * more_coulomb) / smoothing + viscous + 0.5 * more_viscous
-    # Friction that holds does not settle: runs lock a joint that sticks.
-    return _fastest_decay(c, slope * c.free * (1.0 - c.holds))
-
-
 def damping_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
-    """Return the rate (1/s) at which viscous damping stops the joint that it stops fastest.
-
-    The conditions and ``prescribed`` are those of ``friction_rate``.
-    """
+    """Return the rate (1/s) at which viscous damping stops the joint that it stops fastest."""
     rates = _damping.setdefault(arm, {})
     if prescribed not in rates:
         c = constants_with(arm, prescribed)
@@ -247,11 +226,7 @@ def default_request(arm: Arm) -> float | None:
 
 
 def tolerance_of_request(request: float) -> float:
-    """Return the relative tolerance of a request.
-
-    Args:
-        request: accepted error of the tip over the reach.
-    """
+    """Return the relative tolerance of a request."""
     return min(max(float(f"{request / _DIVISOR:.12g}"), LEAST), _LARGEST)
 
 

@@ -51,11 +51,7 @@ class RunawayWatch:
 
 
 def axial_load(arm: Arm, times: FloatArray, states: FloatArray, loads: LoadHistory) -> str:
-    """Describe the largest axial load that the theory of an arm neglects in a run; empty if small.
-
-    Args:
-        times: (samples,) s. states: (samples, 2, n, 1 + m).
-    """
+    """Describe the largest axial load that the theory neglects in a run; empty if small."""
     if arm.spec.theory != "linear":
         return ""
     acting = Acting.constant(loads.placed)

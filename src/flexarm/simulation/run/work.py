@@ -21,7 +21,6 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.integrate import Integrator, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Status, System, Tolerance
-from flexarm.model import Joint
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.integrator_choice import (
     Choice,
@@ -77,16 +76,7 @@ class Start(NamedTuple):
 
 
 def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choice:
-    """Return the integrator of an open-loop run; "auto" takes the one with the least work.
-
-    Args:
-        choice: choice without the work.
-        open_end: whether an event or a change of the arm makes the work unknown: no refusal.
-
-    Raises:
-        InputError: if the run would take hours, or the named method would take more than a hundred
-            times the work of another one. An integrator object is never refused.
-    """
+    """Return the integrator of an open-loop run; "auto" takes the one with the least work."""
     if choice.insisted:
         return choice
     explicit = explicit_work(choice.fastest, start.duration)
@@ -115,20 +105,11 @@ def choose_by_samples(
     tolerance: Tolerance,
     rough: bool = False,
 ) -> Choice:
-    """Return the integrator of a sampled loop, whose torques are not known in advance.
-
-    Args:
-        choice: choice without the loop.
-        sample_time: s, which no step exceeds.
-        duration: s; infinite if it is not known.
-        rough: whether the run has contacts or changes of the arm.
-
-    Raises:
-        InputError: if the run would take hours.
-    """
+    """Return the integrator of a sampled loop, whose torques are not known in advance."""
     if choice.insisted:
         return choice
-    rough = rough or any(map(_pushes, arm.spec.joints))
+    pushing = ((one.friction, one.limits, one.backlash) for one in arm.spec.joints)
+    rough = rough or any(own or stops or slack > 0.0 for own, stops, slack in pushing)
     limit = _SAMPLED * max(1.0, (RTOL / tolerance.relative) ** 0.2)
     phase = choice.fastest * sample_time
     if choice.open and phase > (_SAMPLED_ROUGH if rough else min(limit, _SAMPLED_ROUGH)):
@@ -139,18 +120,11 @@ def choose_by_samples(
         choice = choice._replace(integrator=KennedyCarpenter5(), reason=reason)
     if np.isfinite(duration):
         implicit = _PER_STEP * duration / sample_time
-        work = _work_of(
-            choice.integrator, duration, explicit_work(choice.fastest, duration), implicit
-        )
-        _refuse(
-            choice.integrator, work, implicit, duration, arm.assembly.constants.mode[:, :, 0].size
-        )
+        explicit = explicit_work(choice.fastest, duration)
+        work = _work_of(choice.integrator, duration, explicit, implicit)
+        modes = arm.assembly.constants.mode[:, :, 0].size
+        _refuse(choice.integrator, work, implicit, duration, modes)
     return choice
-
-
-def _pushes(joint: Joint) -> bool:
-    """Return whether a joint has friction, stops or backlash."""
-    return joint.friction is not None or joint.limits is not None or joint.backlash > 0.0
 
 
 def _implicit(start: Start) -> Integrator:
@@ -252,22 +226,13 @@ class Checkpoints:
 
 
 def choose(run: Run, history: PiecewiseCubic) -> None:
-    """Choose the integrator of a run under a given torque history, and set ``run.history``.
-
-    Raises:
-        InputError: if the run is hopeless; see ``choose_by_work``.
-    """
+    """Choose the integrator of a run under a given torque history, and set ``run.history``."""
     run.history = history
     changed = run.changes.times if run.changes is not None else np.zeros(0)
     stops = np.concatenate([run.loads.stops_with(history), changed])
     choice = choose_by_drive(run.choice, run.arm, stops, run.duration)
-    start = Start(
-        run.arm,
-        run.progress.state,
-        run.tolerance,
-        run.duration,
-        partial(system_of, run.arm, run.prescribed, run.loads, history),
-    )
+    system = partial(system_of, run.arm, run.prescribed, run.loads, history)
+    start = Start(run.arm, run.progress.state, run.tolerance, run.duration, system)
     ends = run.watch is not None and any(event.terminal for event in run.watch.log.events)
     choice = choose_by_work(choice, start, open_end=ends or run.changes is not None)
     if choice is not run.choice:
@@ -278,12 +243,7 @@ def choose(run: Run, history: PiecewiseCubic) -> None:
 def run_open_loop(
     run: Run, history: PiecewiseCubic, checkpoints: Checkpoints | None = None
 ) -> None:
-    """Simulate a run under a given torque history, and fill ``checkpoints``.
-
-    Raises:
-        InputError: if the run is hopeless; see ``choose_by_work``.
-        SimulationError: if the run cannot continue.
-    """
+    """Simulate a run under a given torque history, and fill ``checkpoints``."""
     choose(run, history)
     system = run.system(history)
     if checkpoints is not None:
