@@ -1,8 +1,8 @@
 """Linear models and statics: equilibrium, modes of vibration, state space."""
 
+from flexarm.arm.closed import AssembledState, assembled
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import LinearModel
-from flexarm.linear.statics.closed import AssembledState, assembled
 from flexarm.linear.statics.equilibrium import Equilibrium, EquilibriumError, equilibrium
 from flexarm.linear.vibration.modal import Modes, modes
 from flexarm.linear.vibration.tracking import ModeTracks, campbell, track_modes

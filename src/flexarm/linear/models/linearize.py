@@ -36,7 +36,7 @@ from flexarm.linear.models.state_space import (
     torque_places,
 )
 from flexarm.linear.statics.axial import warn_of_theory
-from flexarm.linear.statics.closed import (
+from flexarm.arm.closed import (
     gap_rates_by_q,
     independent_motions,
     least_forces,

@@ -33,7 +33,7 @@ from flexarm.base.errors import (
 from flexarm.base.notebook import html_table
 from flexarm.kernels.derivatives.tangent import inverse_jacobian
 from flexarm.linear.statics.axial import closure_warning, geometric_stiffness, warn_of_theory
-from flexarm.linear.statics.closed import (
+from flexarm.arm.closed import (
     Motions,
     held_joints,
     independent_motions,

@@ -30,7 +30,7 @@ from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.observation.shapes import axis_points
 from flexarm.linear.statics.axial import warn_of_theory
-from flexarm.linear.statics.closed import (
+from flexarm.arm.closed import (
     Motions,
     independent_motions,
     least_forces,

@@ -44,9 +44,11 @@ from flexarm.motion.geometry.inverse_kinematics import (
     tip_jacobian_rate,
     tip_position,
 )
+from flexarm.motion.geometry.mechanism_path import Given, mechanism_path
 from flexarm.motion.motion import (
     Floats,
     JointState,
+    MechanismMotion,
     PathMotion,
     TimingLaw,
     checked_times,
@@ -115,12 +117,14 @@ def tip_motion(
     elbow: str,
     start_time: float,
     posture: ArrayLike | None,
-) -> TipMotion:
+) -> TipMotion | MechanismMotion:
     """Return a motion of the tip along a path in world axes, as `line_motion` along a line."""
     duration, start_time = checked_times(duration, start_time)
     law = timing_law(profile)
     chain = rigid_chain(arm)
     check_elbow(elbow)
+    if not arm.spec.is_serial:
+        return _mechanism_motion(arm, path, duration, law, start_time, posture)
     if len(chain.lengths) == 1:
         rule = "has one link, which cannot follow a path of the tip"
         raise InputError(Problem("arm", rule, hint="Its tip moves on a circle: use joint_motion."))
@@ -141,6 +145,28 @@ def tip_motion(
         )
         raise InputError(problem) from None
     return TipMotion(chain, path, duration, law, start_time, along)
+
+
+def _mechanism_motion(
+    arm: Arm,
+    path: TipPath,
+    duration: float,
+    law: TimingLaw,
+    start_time: float,
+    posture: ArrayLike | None,
+) -> MechanismMotion:
+    """Return the motion of a mechanism whose joints the position of the tip determines."""
+    nothing = np.zeros(0)
+    table = mechanism_path(
+        arm,
+        posture,
+        np.zeros(0, dtype=np.intp),
+        lambda s: Given(nothing, nothing, nothing),
+        lambda s: Given(*(part[0] for part in path.at(np.array([s])))),
+        path.breaks,
+    )
+    chain = rigid_chain(arm)
+    return MechanismMotion(chain, duration, law, start_time, (), table, path.breaks)
 
 
 def _check_margins(chain: RigidChain, path: TipPath) -> None:
@@ -331,7 +357,7 @@ def line_motion(
     elbow: str = "up",
     start_time: float = 0.0,
     posture: ArrayLike | None = None,
-) -> TipMotion:
+) -> TipMotion | MechanismMotion:
     """Return a motion of the rigid arm's tip along a straight line, from rest to rest.
 
     An arm of three links or more moves its joints with the least-norm rates.
@@ -345,7 +371,8 @@ def line_motion(
         elbow: `"up"` (for two links: relative elbow angle <= 0) or `"down"` (>= 0).
         start_time: start of the motion, s.
         posture: for three links or more, relative joint angles (n,); the motion starts with the
-            nearest ones, and `elbow` is not used.
+            nearest ones, and `elbow` is not used. Required for a mechanism, such as one with
+            closures or sliding joints, whose joints the position of the tip must determine.
 
     Raises:
         InputError: if a point of the line is out of reach, or so close to the boundary of the reach
@@ -368,7 +395,7 @@ def via_point_motion(
     start_time: float = 0.0,
     posture: ArrayLike | None = None,
     blend: float | None = None,
-) -> TipMotion:
+) -> TipMotion | MechanismMotion:
     """Return a motion of the rigid arm's tip along straight lines between points.
 
     The tip stops at the first and at the last point only. It rounds the corners at the others: it
@@ -399,7 +426,7 @@ def spline_motion(
     elbow: str = "up",
     start_time: float = 0.0,
     posture: ArrayLike | None = None,
-) -> TipMotion:
+) -> TipMotion | MechanismMotion:
     """Return a motion of the rigid arm's tip on a cubic spline through points.
 
     The tip passes through every point without a stop, and its acceleration is continuous. The path
@@ -427,7 +454,7 @@ def circle_motion(
     elbow: str = "up",
     start_time: float = 0.0,
     posture: ArrayLike | None = None,
-) -> TipMotion:
+) -> TipMotion | MechanismMotion:
     """Return a motion of the rigid arm's tip on a circle.
 
     Args:

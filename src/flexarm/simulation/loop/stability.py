@@ -25,7 +25,7 @@ from flexarm.control.analysis.sampled_loop import (
 from flexarm.control.contract.base import Controller, Reference, has_poles
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
-from flexarm.linear.statics.closed import independent_motions, least_forces
+from flexarm.arm.closed import independent_motions, least_forces
 from flexarm.model import Contact, Hardware, Instrument, Sensor
 from flexarm.simulation.run.changes import ChangedArm
 from flexarm.simulation.run.tolerance import reach_of, tip_units
