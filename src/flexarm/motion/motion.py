@@ -22,7 +22,7 @@ from flexarm.arm.closed import held_joints
 from flexarm.base.arguments import check_number, check_positive, check_times, warn_of_degrees
 from flexarm.base.errors import InputError, Problem, check_array, nearest, public_call, shown
 from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
-from flexarm.motion.geometry.mechanism_path import Given, mechanism_path, quintics
+from flexarm.motion.geometry.mechanism_path import Given, mechanism_path, quintic_table
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -384,24 +384,15 @@ class JointMotion(PathMotion):
 
 
 @dataclass(frozen=True, eq=False)
-class MechanismMotion(PathMotion):
-    """Motion of a rigid mechanism in which some joints, or the tip, determine the other joints.
+class DrivenMotion(JointMotion):
+    """Motion of a rigid mechanism in which some joints move synchronously and the others follow.
 
     Attributes:
-        driven: numbers of the joints that are given; none if the tip is.
+        driven: numbers of the joints that move from ``start`` to ``end``.
     """
 
-    chain: RigidChain = field(repr=False)
-    duration: float
-    law: TimingLaw
-    start_time: float
-    driven: tuple[int, ...]
-    _table: PPoly = field(repr=False)
-    _path_breaks: tuple[float, ...] = field(default=(), repr=False)
-
-    @property
-    def path_breaks(self) -> tuple[float, ...]:
-        return self._path_breaks
+    driven: tuple[int, ...] = field(kw_only=True)
+    _table: PPoly = field(kw_only=True, repr=False)
 
     def path(self, s: Floats) -> JointState:
         """Return the postures along the path and their derivatives."""
@@ -437,7 +428,7 @@ def joint_motion(
     profile: str | TimingLaw = "quintic",
     start_time: float = 0.0,
     driven: Sequence[int] | None = None,
-) -> JointMotion | MechanismMotion:
+) -> JointMotion:
     """Return a synchronous motion of all joints, from rest at `start` to rest at `end`.
 
     Args:
@@ -469,8 +460,11 @@ def joint_motion(
         first, last = angles["start"][places], angles["end"][places]
         straight = partial(_straight, first, last - first)
         table = mechanism_path(arm, angles["start"], places, straight)
+        first, last = table(np.array([0.0, 1.0]))
         numbers = tuple(arm.joint_numbers[places].tolist())
-        return MechanismMotion(chain, duration, law, start_time, numbers, table)
+        return DrivenMotion(
+            chain, first, last, duration, law, start_time, driven=numbers, _table=table
+        )
     return JointMotion(
         chain=chain,
         **angles,
@@ -600,19 +594,3 @@ def _nodes(start: float, end: float, rate: float) -> Floats:
     """Return evenly spaced times from start to end, at least as close as the rate requires."""
     count = max(int(np.ceil((end - start) * rate * (1.0 - 1e-9))), 1)
     return np.linspace(start, end, count + 1)
-
-
-def quintic_table(edges: Floats, first: JointState, last: JointState, rests: Floats) -> PPoly:
-    """Return polynomials of degree 5 between rest before and rest after a motion.
-
-    ``first`` and ``last`` (k, n) are values at the start and at the end of each interval between
-    the edges (k + 1,) s, ``rests`` (2, n) rad the angles before and after the motion.
-    """
-    from scipy.interpolate import PPoly
-
-    constant = np.zeros((2, 6, rests.shape[1]))
-    constant[:, 5] = rests
-    inner = quintics(first, last, np.diff(edges)).transpose(1, 0, 2)
-    coefficients = np.concatenate([constant[:1], inner, constant[1:]]).transpose(1, 0, 2)
-    ends = np.concatenate([[edges[0] - 1.0], edges, [edges[-1] + 1.0]])
-    return PPoly(np.ascontiguousarray(coefficients), ends)

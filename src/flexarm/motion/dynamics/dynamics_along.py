@@ -101,17 +101,17 @@ class MotionTorque(ABC):
 
 
 class Actuation:
-    """Motions of a rigid mechanism that its actuated joints drive; theory page "mechanisms", (M.24).
+    """Motions of a rigid mechanism that its actuated joints drive.
 
-    With the motions ``Z`` that keep the loops closed and its rows ``Z_a`` of the actuated joints,
-    ``P = Z pinv(Z_a)``: forces f of all joints are those of the torques ``P' f``, which have the
-    least norm.
+    Theory page "mechanisms", (M.24). With the motions ``Z`` that keep the loops closed and its
+    rows ``Z_a`` of the actuated joints, ``P = Z pinv(Z_a)``: the torques ``P' f`` of least norm do
+    the work of the forces f of all joints.
 
     Attributes:
         arm: a rigid arm.
     """
 
-    def __init__(self, arm: Arm, actuated: ArrayLike | None) -> None:
+    def __init__(self, arm: Arm, actuated: Sequence[int] | None) -> None:
         self.arm = arm
         self._actuated = np.arange(arm.joints)
         if actuated is not None:
@@ -178,9 +178,7 @@ _CHECKS = 17
 
 
 @public_call
-def rigid_torque(
-    arm: Arm, motion: Motion, *, actuated: Sequence[int] | None = None
-) -> RigidTorque:
+def rigid_torque(arm: Arm, motion: Motion, *, actuated: Sequence[int] | None = None) -> RigidTorque:
     """Return the rigid inverse dynamics of an arm along a motion as a function of time.
 
     Args:

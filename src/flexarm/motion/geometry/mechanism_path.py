@@ -4,8 +4,8 @@ With the Jacobian ``J`` of the closures, and of the tip if it is given, the join
 
     r(q) = p(s),    J dq/ds = dp/ds,    J d2q/ds2 = d2p/ds2 - (dJ/ds) dq/ds,
 
-theory page "mechanisms", (M.23). Newton's method solves the first equation from the posture before, so
-that the working mode is kept. Polynomials of degree 5 connect the postures.
+theory page "mechanisms", (M.23). Newton's method solves the first equation from the posture
+before, so that the working mode is kept. Polynomials of degree 5 connect the postures.
 """
 
 from __future__ import annotations
@@ -57,15 +57,14 @@ class _Singular(Exception):
 class _Equations:
     """Equations of a rigid mechanism with given joints, and with a given tip after ``start``."""
 
-    def __init__(
-        self, arm: Arm, guess: Any, driven: IntArray, start: FloatArray | None
-    ) -> None:
+    def __init__(self, arm: Arm, guess: Any, driven: IntArray, start: FloatArray | None) -> None:
         # The gap of a tip that is pinned to the start is its distance along the path.
         rigid = arm.rigid() if start is None else _pinned(arm, start)
         self.arm = rigid
         self.driven = driven
         self.following = np.setdiff1d(np.arange(rigid.dof), self.driven)
         self.sizes, self.rows = coordinate_sizes(rigid)[self.following], row_sizes(rigid)
+        self.origin = np.zeros(2) if start is None else start
         if start is None:
             self.start, _ = closed_posture(rigid, rigid.rest(guess), driven)
         else:
@@ -130,7 +129,9 @@ def posture_near(arm: Arm, point: FloatArray, posture: ArrayLike | None) -> Floa
     except InputError:
         hint = "Check the point, or start from a posture that is closer."
         value = f"({point[0]:.6g}, {point[1]:.6g})"
-        problem = Problem("the tip", f"does not reach the point {value} near the posture", hint=hint)
+        problem = Problem(
+            "the tip", f"does not reach the point {value} near the posture", hint=hint
+        )
         raise InputError(problem) from None
 
 
@@ -164,7 +165,7 @@ def mechanism_path(
         if tip is not None:
             for filled, part in zip(gaps, tip(s), strict=True):
                 filled[-2:] = part
-            gaps.value[-2:] -= start
+            gaps.value[-2:] -= equations.origin
         return equations.at(near, gaps, joints(s))
 
     try:
@@ -231,8 +232,8 @@ def _first_states(
 
 def _singular(s: float, q: FloatArray) -> InputError:
     rule = (
-        f"cannot be followed by the other joints beyond {100.0 * s:.3g} % of its path, at the joint "
-        f"angles {shown(np.round(q, 4).tolist())}"
+        f"cannot be followed by the other joints beyond {100.0 * s:.3g} % of its path, at the "
+        f"joint angles {shown(np.round(q, 4).tolist())}"
     )
     return InputError(Problem("motion", rule, hint="Choose a path farther from singular postures."))
 
@@ -259,3 +260,19 @@ def quintics(first: Any, last: Any, width: FloatArray) -> FloatArray:
         q,
     ]
     return np.stack(rows)
+
+
+def quintic_table(edges: FloatArray, first: Any, last: Any, rests: FloatArray) -> PPoly:
+    """Return polynomials of degree 5 between rest before and rest after a motion.
+
+    ``first`` and ``last`` (k, n) are values at the start and at the end of each interval between
+    the edges (k + 1,) s, ``rests`` (2, n) rad the angles before and after the motion.
+    """
+    from scipy.interpolate import PPoly
+
+    constant = np.zeros((2, 6, rests.shape[1]))
+    constant[:, 5] = rests
+    inner = quintics(first, last, np.diff(edges)).transpose(1, 0, 2)
+    coefficients = np.concatenate([constant[:1], inner, constant[1:]]).transpose(1, 0, 2)
+    ends = np.concatenate([[edges[0] - 1.0], edges, [edges[-1] + 1.0]])
+    return PPoly(np.ascontiguousarray(coefficients), ends)

@@ -25,7 +25,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,7 +48,6 @@ from flexarm.motion.geometry.mechanism_path import Given, mechanism_path
 from flexarm.motion.motion import (
     Floats,
     JointState,
-    MechanismMotion,
     PathMotion,
     TimingLaw,
     checked_times,
@@ -109,6 +108,26 @@ class TipMotion(PathMotion):
         return JointState(angles - self.chain.offset, slope, curve)
 
 
+class _MechanismTip(TipMotion):
+    """Motion of the tip of a mechanism, whose posture is a piecewise polynomial."""
+
+    def path(self, s: Floats) -> JointState:
+        """Return the postures along the path and their derivatives."""
+        table: Any = self.posture
+        return JointState(*(table(s, order) for order in range(3)))
+
+
+_NO_JOINTS = np.zeros(0, dtype=np.intp)
+
+
+def _nothing(s: float) -> Given:
+    return Given(*np.zeros((3, 0)))
+
+
+def _point(path: TipPath, s: float) -> Given:
+    return Given(*(part[0] for part in path.at(np.array([s]))))
+
+
 def tip_motion(
     arm: Arm,
     path: TipPath,
@@ -117,14 +136,17 @@ def tip_motion(
     elbow: str,
     start_time: float,
     posture: ArrayLike | None,
-) -> TipMotion | MechanismMotion:
+) -> TipMotion:
     """Return a motion of the tip along a path in world axes, as `line_motion` along a line."""
     duration, start_time = checked_times(duration, start_time)
     law = timing_law(profile)
     chain = rigid_chain(arm)
     check_elbow(elbow)
     if not arm.spec.is_serial:
-        return _mechanism_motion(arm, path, duration, law, start_time, posture)
+        table = mechanism_path(
+            arm, posture, _NO_JOINTS, _nothing, partial(_point, path), path.breaks
+        )
+        return _MechanismTip(chain, path, duration, law, start_time, table)
     if len(chain.lengths) == 1:
         rule = "has one link, which cannot follow a path of the tip"
         raise InputError(Problem("arm", rule, hint="Its tip moves on a circle: use joint_motion."))
@@ -145,28 +167,6 @@ def tip_motion(
         )
         raise InputError(problem) from None
     return TipMotion(chain, path, duration, law, start_time, along)
-
-
-def _mechanism_motion(
-    arm: Arm,
-    path: TipPath,
-    duration: float,
-    law: TimingLaw,
-    start_time: float,
-    posture: ArrayLike | None,
-) -> MechanismMotion:
-    """Return the motion of a mechanism whose joints the position of the tip determines."""
-    nothing = np.zeros(0)
-    table = mechanism_path(
-        arm,
-        posture,
-        np.zeros(0, dtype=np.intp),
-        lambda s: Given(nothing, nothing, nothing),
-        lambda s: Given(*(part[0] for part in path.at(np.array([s])))),
-        path.breaks,
-    )
-    chain = rigid_chain(arm)
-    return MechanismMotion(chain, duration, law, start_time, (), table, path.breaks)
 
 
 def _check_margins(chain: RigidChain, path: TipPath) -> None:
@@ -357,7 +357,7 @@ def line_motion(
     elbow: str = "up",
     start_time: float = 0.0,
     posture: ArrayLike | None = None,
-) -> TipMotion | MechanismMotion:
+) -> TipMotion:
     """Return a motion of the rigid arm's tip along a straight line, from rest to rest.
 
     An arm of three links or more moves its joints with the least-norm rates.
@@ -395,7 +395,7 @@ def via_point_motion(
     start_time: float = 0.0,
     posture: ArrayLike | None = None,
     blend: float | None = None,
-) -> TipMotion | MechanismMotion:
+) -> TipMotion:
     """Return a motion of the rigid arm's tip along straight lines between points.
 
     The tip stops at the first and at the last point only. It rounds the corners at the others: it
@@ -426,7 +426,7 @@ def spline_motion(
     elbow: str = "up",
     start_time: float = 0.0,
     posture: ArrayLike | None = None,
-) -> TipMotion | MechanismMotion:
+) -> TipMotion:
     """Return a motion of the rigid arm's tip on a cubic spline through points.
 
     The tip passes through every point without a stop, and its acceleration is continuous. The path
@@ -454,7 +454,7 @@ def circle_motion(
     elbow: str = "up",
     start_time: float = 0.0,
     posture: ArrayLike | None = None,
-) -> TipMotion | MechanismMotion:
+) -> TipMotion:
     """Return a motion of the rigid arm's tip on a circle.
 
     Args:

@@ -94,8 +94,8 @@ def flexible_torque(
     Args:
         arm: the arm.
         motion: motion of the joints or of the rigid model's tip; the flexible arm's tip vibrates.
-            Of a mechanism with closures one from `joint_motion` with ``driven``: these joints follow
-            it exactly, and the others as the flexible links permit.
+            Of a mechanism with closures one from `joint_motion` with ``driven``: these joints
+            follow it exactly, and the others as the flexible links permit.
         duration: s from time zero to the end of the torque; by default to the end of the motion.
         initial: q (dof,) at time zero; straight links by default.
         rtol: error allowed per step of the integration.
