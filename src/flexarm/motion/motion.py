@@ -456,7 +456,8 @@ def joint_motion(
     turning = turning_joints(arm)
     warn_of_degrees(**{name: values[turning] for name, values in angles.items()})
     if driven is not None:
-        places = np.searchsorted(arm.joint_index, held_joints(arm, driven, "driven"))
+        held = np.unique(held_joints(arm, driven, "driven"))
+        places = np.searchsorted(arm.joint_index, held)
         first, last = angles["start"][places], angles["end"][places]
         straight = partial(_straight, first, last - first)
         table = mechanism_path(arm, angles["start"], places, straight)

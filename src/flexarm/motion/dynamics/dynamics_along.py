@@ -115,8 +115,16 @@ class Actuation:
         self.arm = arm
         self._actuated = np.arange(arm.joints)
         if actuated is not None:
-            self._actuated = held_joints(arm, actuated, "actuated")
+            self._actuated = np.unique(held_joints(arm, actuated, "actuated"))
+        if self._actuated.size < arm.joints - arm.closure_rows:
+            raise self._too_few(arm.joints - arm.closure_rows)
         self._sizes, self._rows = coordinate_sizes(arm), row_sizes(arm)
+
+    def _too_few(self, motions: int) -> InputError:
+        """Return the error that the actuated joints cannot drive a number of motions."""
+        numbers = self.arm.joint_numbers[self._actuated].tolist()
+        rule = f"drive all {motions} independent motions of the mechanism"
+        return InputError(Problem("actuated", rule, shown(numbers)))
 
     def motions(self, q: Floats) -> Floats:
         """Return P (joints, joints) at q (joints,); columns of passive joints are zero.
@@ -129,9 +137,7 @@ class Actuation:
         Z = right[np.count_nonzero(values > _DEPENDENT) :].T
         left, values, right = np.linalg.svd(Z[self._actuated], full_matrices=False)
         if len(values) < Z.shape[1] or np.any(values < _SMALLEST):
-            numbers = self.arm.joint_numbers[self._actuated].tolist()
-            rule = f"drive all {Z.shape[1]} independent motions of the mechanism"
-            raise InputError(Problem("actuated", rule, shown(numbers)))
+            raise self._too_few(Z.shape[1])
         P = np.zeros(2 * (self.arm.joints,))
         P[:, self._actuated] = Z @ (right.T / values) @ left.T
         return np.asarray(self._sizes[:, None] * P / self._sizes)

@@ -157,6 +157,8 @@ def mechanism_path(
             singular posture.
     """
     serial_only(arm.spec, "a motion of a mechanism", ("a free base",))
+    if tip is None and not arm.closure_rows:
+        raise InputError(Problem("driven", "is not supported for an arm without closures"))
     start = None if tip is None else tip(0.0).value
     equations = _Equations(arm, guess, driven, start)
 
