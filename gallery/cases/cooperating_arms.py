@@ -85,7 +85,7 @@ def run() -> tuple[fa.Arm, xr.Dataset]:
 
 def quantities() -> list[Row]:
     known = reference("mechanisms", "cooperating_arms")
-    arm, result = run()
+    _, result = run()
     rows = []
     for t, case in zip(TIMES, known.values, strict=True):
         k = round(t * RATE)

@@ -38,7 +38,7 @@ class _Pose(NamedTuple):
 
 
 def _turned(vectors: FloatArray) -> FloatArray:
-    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
+    return np.asarray(np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1))
 
 
 def marks_of(arm: Arm, q: FloatArray, shapes: FloatArray) -> Marks:
