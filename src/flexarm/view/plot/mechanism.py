@@ -34,7 +34,7 @@ class _Pose(NamedTuple):
 
     def direction(self, angle: float) -> FloatArray:
         """Return the unit vector (F, 2) at an angle (rad)."""
-        return np.cos(angle) * self.along + np.sin(angle) * _turned(self.along)
+        return np.asarray(np.cos(angle) * self.along + np.sin(angle) * _turned(self.along))
 
 
 def _turned(vectors: FloatArray) -> FloatArray:
