@@ -8,6 +8,8 @@ from gallery.cases import (
     cantilever,
     cart,
     clamped_beam,
+    cooperating_arms,
+    crane,
     elastica,
     euler_column,
     flying_spaghetti,
@@ -51,7 +53,15 @@ PAGES: tuple[Page, ...] = (
     Page(
         "mechanisms",
         "Mechanisms",
-        (four_bar.CASE, slider_crank.CASE, cart.CASE, free_flyer.CASE, flying_spaghetti.CASE),
+        (
+            four_bar.CASE,
+            slider_crank.CASE,
+            cooperating_arms.CASE,
+            crane.CASE,
+            cart.CASE,
+            free_flyer.CASE,
+            flying_spaghetti.CASE,
+        ),
     ),
 )
 

@@ -221,7 +221,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
         "clock": False,
     },
     "report": {"result": result},
-    "rigid_torque": _MOVE,
+    "rigid_torque": {**_MOVE, "actuated": [1, 2]},
     "run_scenario": {"scenario": lambda: folder() / "scenario.yaml"},
     "run_study": {"study": lambda: folder() / "study.yaml"},
     "save_arm": {"arm": arm, "path": lambda: folder() / "saved.yaml"},

@@ -21,6 +21,7 @@ import yaml
 from typer.testing import CliRunner
 
 import flexarm as fa
+from flexarm.cli.commands.mechanisms import TEMPLATES, arm_text, scenario_text
 from flexarm.cli.failures import FAILED_RUN, INTERRUPTED, WRONG_INPUT
 from flexarm.cli.main import app
 from fuzz.farm import ROOT, Part
@@ -57,8 +58,26 @@ free: [payload.mass]
 fit: {iterations: 1}
 """
 FIT = SMALL.partition("motion:")[0] + FIT
+#: A five-bar whose motors move its cranks.
+FIVE_BAR = (
+    arm_text("five-bar")
+    + """\
+motion:
+  {kind: joint, start: [2.2, -1.2, 0.94, 1.2], end: [2, 0, 0.9, 0], duration: 0.1, driven: [1, 3]}
+drive: {kind: rigid_inverse_dynamics}
+run: {duration: 0.05, rate: 200}
+"""
+)
+#: The mechanisms of ``flexarm init``, in one file each.
+MECHANISMS = [
+    arm_text(kind)
+    + scenario_text(kind).partition("arm: arm.yaml\n")[2].replace("duration: 2.0", "duration: 0.05")
+    for kind in TEMPLATES
+]
 SCENARIOS = [
     SMALL,
+    FIVE_BAR,
+    *MECHANISMS,
     *(path.read_text() for path in sorted(ROOT.glob("examples/*.yaml"))),
 ]
 STUDIES = [STUDY, *(path.read_text() for path in sorted(ROOT.glob("examples/studies/*.yaml")))]

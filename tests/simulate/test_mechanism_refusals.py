@@ -18,15 +18,8 @@ def _motion(arm):
     return fa.joint_motion(arm, np.zeros(arm.joints), np.full(arm.joints, 0.2), 1.0)
 
 
-def _line(arm):
-    return fa.line_motion(arm, (1.0, 0.5), (1.0, 0.7), 1.0)
-
-
 GAUGES = [fa.Instrument("joint_angle")]
 REFUSED = {
-    "inverse_kinematics": lambda arm: fa.inverse_kinematics(arm, (1.0, 0.5)),
-    "line_motion": _line,
-    "circle_motion": lambda arm: fa.circle_motion(arm, (1.0, 0.5), (1.1, 0.5), 1.0, 1.0),
     "tip_inversion": lambda arm: fa.tip_inversion(arm, _motion(arm)),
     "quasi_static_reference": lambda arm: fa.quasi_static_reference(arm, _motion(arm)),
     "Impedance": lambda arm: fa.Impedance(arm, 100.0, 10.0),
@@ -50,9 +43,14 @@ REFUSED = {
     "modes": lambda arm: fa.modes(arm, spin=1.0),
     "campbell": lambda arm: fa.campbell(arm, [0.0, 1.0]),
 }
-OF_BASES = {
+OF_BASES_ALONE = {
     "rigid_torque": lambda arm: fa.rigid_torque(arm, _motion(arm)),
     "ComputedTorque": lambda arm: fa.ComputedTorque(arm, frequency_hz=1.0),
+    "inverse_kinematics": lambda arm: fa.inverse_kinematics(arm, (1.0, 0.5), posture=[0.5]),
+    "line_motion": lambda arm: fa.line_motion(arm, (1.0, 0.5), (1.0, 0.7), 1.0, posture=[0.5]),
+    "joint_motion": lambda arm: fa.joint_motion(arm, [0.0], [1.0], 1.0, driven=[1]),
+}
+OF_BASES = {
     "linearize_along": lambda arm: fa.linearize_along(arm, _motion(arm)),
     "LQG": lambda arm: fa.LQG(arm, np.zeros(arm.joints)),
     "DisturbanceObserver": lambda arm: fa.DisturbanceObserver(arm, fa.JointPD(1.0, 1.0)),
@@ -96,10 +94,10 @@ def test_functions_for_serial_arms_name_the_feature(name, feature, tmp_path, mon
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", OF_BASES)
+@pytest.mark.parametrize("name", {**OF_BASES, **OF_BASES_ALONE})
 def test_functions_for_fixed_bases_name_the_base(name):
     with pytest.raises(fa.InputError, match=f"^{name}: .* is not supported for arms with a free"):
-        OF_BASES[name](CART)
+        {**OF_BASES, **OF_BASES_ALONE}[name](CART)
 
 
 @pytest.mark.parametrize("arm", [FORK, SLIDE], ids=["branches", "sliding joints"])

@@ -1,9 +1,9 @@
 """Linear models and statics: equilibrium, modes of vibration, state space."""
 
+from flexarm.arm.closed import AssembledState as AssembledState
+from flexarm.arm.closed import assembled as assembled
 from flexarm.linear.models.linearize import linearize as linearize
 from flexarm.linear.models.state_space import LinearModel as LinearModel
-from flexarm.linear.statics.closed import AssembledState as AssembledState
-from flexarm.linear.statics.closed import assembled as assembled
 from flexarm.linear.statics.equilibrium import Equilibrium as Equilibrium
 from flexarm.linear.statics.equilibrium import EquilibriumError as EquilibriumError
 from flexarm.linear.statics.equilibrium import equilibrium as equilibrium

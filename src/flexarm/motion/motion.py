@@ -8,9 +8,9 @@ law is a piecewise polynomial, whose conditions are validated exactly and whose 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -18,9 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.assembly.coordinates import turning_joints
+from flexarm.arm.closed import held_joints
 from flexarm.base.arguments import check_number, check_positive, check_times, warn_of_degrees
 from flexarm.base.errors import InputError, Problem, check_array, nearest, public_call, shown
 from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
+from flexarm.motion.geometry.mechanism_path import Given, mechanism_path, quintic_table
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -378,6 +380,22 @@ class JointMotion(PathMotion):
 
 
 @dataclass(frozen=True, eq=False)
+class DrivenMotion(JointMotion):
+    """Motion of a rigid mechanism in which some joints move synchronously and the others follow.
+
+    Attributes:
+        driven: numbers of the joints that move from ``start`` to ``end``.
+    """
+
+    driven: tuple[int, ...] = field(kw_only=True)
+    _table: PPoly = field(kw_only=True, repr=False)
+
+    def path(self, s: Floats) -> JointState:
+        """Return the postures along the path and their derivatives."""
+        return JointState(*(self._table(s, order) for order in range(3)))
+
+
+@dataclass(frozen=True, eq=False)
 class DerivedMotion(Motion):
     """A motion computed from another one, whose chain it has; derived classes are dataclasses."""
 
@@ -405,6 +423,7 @@ def joint_motion(
     duration: float,
     profile: str | TimingLaw = "quintic",
     start_time: float = 0.0,
+    driven: Sequence[int] | None = None,
 ) -> JointMotion:
     """Return a synchronous motion of all joints, from rest at `start` to rest at `end`.
 
@@ -415,10 +434,13 @@ def joint_motion(
         duration: s.
         profile: `"quintic"`, `"trapezoidal"` or a `TimingLaw`.
         start_time: start of the motion, s.
+        driven: numbers of the joints of a mechanism that move in this way. The others close the
+            loops: near `start` at the start, and their `end` has no effect. None for all joints.
 
     Raises:
         InputError: if an argument has the wrong shape or is not finite, the duration is not
-            positive, or the profile is unknown.
+            positive, or the profile is unknown; if the joints `driven` do not determine the
+            others, or reach a posture in which these cannot follow.
 
     Warns:
         ImplausibleValueWarning: if the angles look like degrees.
@@ -429,7 +451,22 @@ def joint_motion(
     angles = {k: check_array(k, v, (arm.joints,)) for k, v in (("start", start), ("end", end))}
     turning = turning_joints(arm)
     warn_of_degrees(**{name: values[turning] for name, values in angles.items()})
+    if driven is not None:
+        held = np.unique(held_joints(arm, driven, "driven"))
+        places = np.searchsorted(arm.joint_index, held)
+        first, last = angles["start"][places], angles["end"][places]
+        straight = partial(_straight, first, last - first)
+        table = mechanism_path(arm, angles["start"], places, straight)
+        first, last = table(np.array([0.0, 1.0]))
+        numbers = tuple(arm.joint_numbers[places].tolist())
+        return DrivenMotion(
+            chain, first, last, duration, law, start_time, driven=numbers, _table=table
+        )
     return JointMotion(chain=chain, **angles, duration=duration, law=law, start_time=start_time)
+
+
+def _straight(start: Floats, slope: Floats, s: float) -> Given:
+    return Given(start + s * slope, slope, np.zeros(len(slope)))
 
 
 def check_motion(motion: object, arm: Arm | None = None) -> Motion:
@@ -548,30 +585,3 @@ def _nodes(start: float, end: float, rate: float) -> Floats:
     """Return evenly spaced times from start to end, at least as close as the rate requires."""
     count = max(int(np.ceil((end - start) * rate * (1.0 - 1e-9))), 1)
     return np.linspace(start, end, count + 1)
-
-
-def quintic_table(edges: Floats, first: JointState, last: JointState, rests: Floats) -> PPoly:
-    """Return polynomials of degree 5 between rest before and rest after a motion."""
-    from scipy.interpolate import PPoly
-
-    constant = np.zeros((2, 6, rests.shape[1]))
-    constant[:, 5] = rests
-    inner = _quintic(first, last, np.diff(edges))
-    coefficients = np.concatenate([constant[:1], inner, constant[1:]]).transpose(1, 0, 2)
-    ends = np.concatenate([[edges[0] - 1.0], edges, [edges[-1] + 1.0]])
-    return PPoly(np.ascontiguousarray(coefficients), ends)
-
-
-def _quintic(first: JointState, last: JointState, width: Floats) -> Floats:
-    """Return Hermite polynomials (k, 6, n) of falling powers of the time since the start."""
-    h = width[:, None]
-    q, v, a = first.angle, h * first.rate, 0.5 * h**2 * first.acceleration
-    # Values at the end minus those of the parabola given by the start.
-    angle = last.angle - (q + v + a)
-    rate = h * last.rate - (v + 2.0 * a)
-    bend = 0.5 * h**2 * last.acceleration - a
-    fifth = (6.0 * angle - 3.0 * rate + bend) / h**5
-    fourth = (-15.0 * angle + 7.0 * rate - 2.0 * bend) / h**4
-    third = (10.0 * angle - 4.0 * rate + bend) / h**3
-    start = 0.5 * first.acceleration, first.rate, q
-    return np.stack([fifth, fourth, third, *start], axis=1)

@@ -44,6 +44,7 @@ from flexarm.motion import (
     spline_motion,
     via_point_motion,
 )
+from flexarm.motion.dynamics.dynamics_along import driven_of
 from flexarm.simulation.inversion.tip_inversion import tip_inversion
 from flexarm.simulation.inversion.torques import flexible_torque
 
@@ -200,8 +201,8 @@ def _bent_or_rigid(arm: Arm, motion: Motion) -> Followed:
 
 def _rigid(arm: Arm, motion: Motion, reason: str = "", followed: bool = False) -> Followed:
     """Return a motion with its rigid torque; without it if a controller only follows the motion of
-    an arm whose joints do not determine the rigid posture."""
-    if followed and not set(UNDRIVEN).isdisjoint(arm.spec.features):
+    an arm whose joints do not determine the rigid posture, or do not close its loops."""
+    if followed and not driven_of(motion) and not set(UNDRIVEN).isdisjoint(arm.spec.features):
         return Followed(motion, f"rigid{reason}")
     return Followed(motion, f"rigid{reason}", rigid_torque(arm, motion))
 

@@ -22,11 +22,15 @@ from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.wording import nearest
+from flexarm.motion.dynamics.dynamics_along import Actuation
 from flexarm.motion.geometry.inverse_kinematics import rigid_chain, tip_jacobian, tip_jacobian_rate
 
 
 class RigidModel:
     """Inverse dynamics and mass matrix of the rigid model of an arm, with the same kernels.
+
+    In a closed mechanism accelerations are those of the ``actuated`` joints, by their numbers,
+    which the other joints follow, and torques act on these joints alone.
 
     Joint angles, rates and accelerations (joints,) are relative, in rad, rad/s, rad/s^2. Those of
     several runs have the shape (runs, joints), and so have the torques. Arguments are not checked,
@@ -36,9 +40,11 @@ class RigidModel:
         arm: the rigid model. joints: number of joints.
     """
 
-    def __init__(self, arm: Arm) -> None:
-        serial_only(arm.spec, "the rigid model of a controller", UNDRIVEN)
+    def __init__(self, arm: Arm, actuated: Sequence[int] | None = None) -> None:
+        serial_only(arm.spec, "the rigid model of a controller", UNDRIVEN[:1])
         self.arm = arm.rigid()
+        closed = actuated is not None or self.arm.closure_rows
+        self._actuation = Actuation(self.arm, actuated) if closed else None
         self.joints = arm.joints
         self._kernels = kernels = KernelView(self.arm.assembly.constants)
         self._bodies = self.arm.assembly.joint_body
@@ -50,6 +56,14 @@ class RigidModel:
         """Return the torque (joints,) N m of a motion: M qdd + bias, gravity included."""
         if angle.ndim > 1:
             return self._torques(angle, rate, acceleration)
+        if self._actuation is not None:
+            P = self._actuation.motions(angle)
+            acceleration = self._actuation.completed(angle, rate, acceleration, P)
+            return np.asarray(P.T @ self._force(angle, rate, acceleration))
+        return self._force(angle, rate, acceleration)
+
+    def _force(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """Return the generalised force (joints,) of a motion."""
         self._state[0, self._bodies, 0] = angle
         self._state[1, self._bodies, 0] = rate
         self._acceleration[self._bodies, 0] = acceleration
@@ -58,6 +72,10 @@ class RigidModel:
         return torque
 
     def _torques(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
+        if self._actuation is not None:
+            return np.array(
+                [self.torque(*row) for row in zip(angle, rate, acceleration, strict=True)]
+            )
         kernels, count = self._kernels, len(angle)
         states, accelerations = kernels.zeros(count, 2), kernels.zeros(count)
         forces = kernels.zeros(count)
@@ -79,6 +97,9 @@ class RigidModel:
         self._state[0, self._bodies, 0] = angle
         self._kernels.call(mass_matrix, self._state, self._kernels.work, self._mass)
         found: FloatArray = self._mass[self._bodies, 0][:, self._bodies, 0]
+        if self._actuation is not None:
+            P = self._actuation.motions(angle)
+            return np.asarray(P.T @ found @ P)
         return found.copy()  # in the layout of that of several, for the same rounding of products
 
 

@@ -31,6 +31,7 @@ from flexarm.control.contract.base import (
 from flexarm.control.contract.parametrised import OfArm, Parametrised
 from flexarm.control.design.rigid_model import RigidModel, SaggingArm
 from flexarm.control.hardware.measurement import filter_of
+from flexarm.model.arm.spec import UNDRIVEN
 from flexarm.model.drives.controllers import (
     ComputedTorqueParameters,
     JointPDParameters,
@@ -191,12 +192,16 @@ class JointPID(JointFollower, JointPIDParameters):
 class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
     """Computed torque with the rigid model of an arm.
 
+    In a mechanism with closures the actuated joints follow their errors, and the other joints
+    follow them as the closures require; theory page "mechanisms", (M.24).
+
     Without a reference the controller keeps the angles of its first measurement. On a rigid arm the
     errors satisfy a linear equation of second order, (C.2). The model has no flexible links, so on
     a flexible arm the frequency should be below the lowest one with locked joints.
     """
 
     vectorized = True
+    _unsupported = UNDRIVEN[:1]
 
     _: KW_ONLY
     feedforward: Callable[[float], ArrayLike] | None = Field(
@@ -209,7 +214,7 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._model = RigidModel(self.arm)
+        self._model = RigidModel(self.arm, self.actuated)
         omega = 2.0 * np.pi * self.frequency_hz
         self._proportional, self._derivative = omega**2, 2.0 * self.damping_ratio * omega
 

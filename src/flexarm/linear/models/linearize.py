@@ -19,6 +19,13 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.bending import one_warning
+from flexarm.arm.closed import (
+    gap_rates_by_q,
+    independent_motions,
+    least_forces,
+    refuse_moving_apart,
+    refuse_open,
+)
 from flexarm.arm.observe import channels_of, contact_channels
 from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call
 from flexarm.kernels.derivatives.sensitivity import STEP
@@ -36,13 +43,6 @@ from flexarm.linear.models.state_space import (
     torque_places,
 )
 from flexarm.linear.statics.axial import warn_of_theory
-from flexarm.linear.statics.closed import (
-    gap_rates_by_q,
-    independent_motions,
-    least_forces,
-    refuse_moving_apart,
-    refuse_open,
-)
 from flexarm.linear.statics.equilibrium import Equilibrium, equilibrium, tangent
 from flexarm.linear.statics.gaps import warn_of_backlash, warn_of_bristles, warn_of_sticking
 from flexarm.model import Contact, Load

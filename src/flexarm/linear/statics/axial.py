@@ -21,11 +21,11 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, Piece
 from flexarm.arm.assembly.coordinates import carriers_of
 from flexarm.arm.bending import bending_warning, warn_of_first
+from flexarm.arm.closed import stiffness_of
 from flexarm.arm.observe import contact_forces, poses_of
 from flexarm.kernels.columns import FIRST_MOMENT_X, LENGTH, MASS, TIP_MASS
 from flexarm.kernels.forces.contact import LEVER
 from flexarm.kernels.layout import Loads
-from flexarm.linear.statics.closed import stiffness_of
 from flexarm.model import Contact, Load
 
 #: Share of a link that is reported: frequencies of the linear theory err by 13 % to 22 %.

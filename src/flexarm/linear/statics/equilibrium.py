@@ -18,6 +18,13 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import coordinate_sizes, modal_size, turning_joints
 from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.arm.closed import (
+    Motions,
+    held_joints,
+    independent_motions,
+    refuse_open,
+    stiffness_of,
+)
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import (
     FlexarmError,
@@ -33,13 +40,6 @@ from flexarm.base.errors import (
 from flexarm.base.notebook import html_table
 from flexarm.kernels.derivatives.tangent import inverse_jacobian
 from flexarm.linear.statics.axial import closure_warning, geometric_stiffness, warn_of_theory
-from flexarm.linear.statics.closed import (
-    Motions,
-    held_joints,
-    independent_motions,
-    refuse_open,
-    stiffness_of,
-)
 from flexarm.model import Contact, Load
 from flexarm.model.arm.spec import serial_only
 

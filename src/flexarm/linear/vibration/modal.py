@@ -14,6 +14,13 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.arm.closed import (
+    Motions,
+    independent_motions,
+    least_forces,
+    refuse_open,
+    stiffness_of,
+)
 from flexarm.arm.stations import MOST_STATIONS
 from flexarm.base.arguments import as_list, check_count, check_number, check_posture
 from flexarm.base.errors import (
@@ -30,13 +37,6 @@ from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.observation.shapes import axis_points
 from flexarm.linear.statics.axial import warn_of_theory
-from flexarm.linear.statics.closed import (
-    Motions,
-    independent_motions,
-    least_forces,
-    refuse_open,
-    stiffness_of,
-)
 from flexarm.linear.statics.equilibrium import (
     Equilibrium,
     Tangent,

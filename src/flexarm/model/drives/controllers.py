@@ -36,6 +36,7 @@ from flexarm.model.quantities import (
     Finite,
     Flag,
     Interval,
+    Listed,
     Mapped,
     NonNegative,
     Number,
@@ -102,6 +103,8 @@ class ComputedTorqueParameters(ControllerParameters):
     damping_ratio: Annotated[Any, PerJoint(NonNegative)] = 1.0
     """Damping ratio of the error, one for all joints or one for each."""
     _: KW_ONLY
+    actuated: Annotated[Any, Typed(Listed[Count] | None)] = None
+    """Numbers of the joints with a motor in a mechanism with closures; by default all."""
     sample_time: SampleTime = 0.001
 
 

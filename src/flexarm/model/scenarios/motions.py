@@ -185,6 +185,9 @@ class JointMotionSpec(_Timing):
     """Relative joint angles at the start (rad)."""
     end: Listed[Number]
     """Relative joint angles at the end (rad)."""
+    driven: Listed[Count] | None = None
+    """Numbers of the joints that move in this way; the others close the loops of the mechanism. By
+    default all."""
 
 
 TipMotionSpec = LineMotionSpec | ViaPointMotionSpec | SplineMotionSpec | CircleMotionSpec

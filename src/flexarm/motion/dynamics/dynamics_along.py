@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.arm.closed import gap_bias, held_joints, refuse_open, row_sizes
 from flexarm.base.arguments import check_times
-from flexarm.base.errors import InputError, Problem, public_call
+from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.kernels.derivatives.inverse_sensitivity import inverse_jacobian_many
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.motion.geometry.inverse_kinematics import check_arm, tip_jacobian
@@ -83,6 +86,60 @@ class MotionTorque(ABC):
         """Return the torques (T, n) at times (T,), N m."""
 
 
+class Actuation:
+    """Motions of a rigid mechanism that its actuated joints drive.
+
+    Theory page "mechanisms", (M.24). With the motions ``Z`` that keep the loops closed and its
+    rows ``Z_a`` of the actuated joints, ``P = Z pinv(Z_a)``: the torques ``P' f`` of least norm do
+    the work of the forces f of all joints.
+
+    Attributes:
+        arm: a rigid arm.
+    """
+
+    def __init__(self, arm: Arm, actuated: Sequence[int] | None) -> None:
+        self.arm = arm
+        self._actuated = np.arange(arm.joints)
+        if actuated is not None:
+            self._actuated = np.unique(held_joints(arm, actuated, "actuated"))
+        if self._actuated.size < arm.joints - arm.closure_rows:
+            raise self._too_few(arm.joints - arm.closure_rows)
+        self._sizes, self._rows = coordinate_sizes(arm), row_sizes(arm)
+
+    def _too_few(self, motions: int) -> InputError:
+        """Return the error that the actuated joints cannot drive a number of motions."""
+        numbers = self.arm.joint_numbers[self._actuated].tolist()
+        rule = f"drive all {motions} independent motions of the mechanism"
+        return InputError(Problem("actuated", rule, shown(numbers)))
+
+    def motions(self, q: Floats) -> Floats:
+        """Return P (joints, joints) at q (joints,); columns of passive joints are zero.
+
+        Raises:
+            InputError: if the actuated joints do not move the mechanism in all its motions.
+        """
+        J = self.arm.closure_jacobian(q) * self._sizes / self._rows[:, None]
+        _, values, right = np.linalg.svd(J)
+        Z = right[np.count_nonzero(values > _DEPENDENT) :].T
+        left, values, right = np.linalg.svd(Z[self._actuated], full_matrices=False)
+        if len(values) < Z.shape[1] or np.any(values < _SMALLEST):
+            raise self._too_few(Z.shape[1])
+        P = np.zeros(2 * (self.arm.joints,))
+        P[:, self._actuated] = Z @ (right.T / values) @ left.T
+        return np.asarray(self._sizes[:, None] * P / self._sizes)
+
+    def completed(self, q: Floats, qd: Floats, qdd: Floats, P: Floats) -> Floats:
+        """Return accelerations (joints,) that keep the loops closed, near those of actuated joints.
+
+        They follow the accelerations of the actuated joints as far as these are independent.
+        """
+        scale = self._sizes / self._rows[:, None]
+        J = self.arm.closure_jacobian(q) * scale
+        bias = gap_bias(self.arm, q, qd) / self._rows
+        least = -self._sizes * (np.linalg.pinv(J, rcond=_DEPENDENT) @ bias)
+        return np.asarray(least + P @ (qdd - least))
+
+
 @dataclass(frozen=True, eq=False)
 class RigidTorque(MotionTorque):
     """Torque of the rigid model along a motion; callable with the time.
@@ -92,34 +149,66 @@ class RigidTorque(MotionTorque):
     Attributes:
         rigid_counterpart: the rigid model of the arm.
         motion: the motion.
+        actuation: the actuated joints of a mechanism; None if all joints are.
     """
 
     rigid_counterpart: Arm
     motion: Motion
+    actuation: Actuation | None = None
 
     def _at(self, times: Floats) -> Floats:
-        return np.asarray(self.rigid_counterpart.inverse_dynamics_many(*self.motion.at(times)))
+        state = self.motion.at(times)
+        forces = np.asarray(self.rigid_counterpart.inverse_dynamics_many(*state))
+        if self.actuation is not None:
+            pairs = zip(state.angle, forces, strict=True)
+            forces = np.array([self.actuation.motions(q).T @ force for q, force in pairs])
+        return forces.reshape(len(times), self.joints)
+
+
+#: Instants at which a motion is compared with the closures.
+_CHECKS = 17
 
 
 @public_call
-def rigid_torque(arm: Arm, motion: Motion) -> RigidTorque:
+def rigid_torque(arm: Arm, motion: Motion, *, actuated: Sequence[int] | None = None) -> RigidTorque:
     """Return the rigid inverse dynamics of an arm along a motion as a function of time.
 
     Args:
         arm: flexible or rigid. Masses, hubs, payload and gravity have an effect; flexibility has
             none.
-        motion: a motion with the same number of joints.
+        motion: a motion with the same number of joints; of a mechanism with closures, one that
+            keeps the loops closed, from `joint_motion` with ``driven`` or a motion of the tip.
+        actuated: numbers of the joints with a motor, whose torques are returned; those of the
+            other joints are zero. By default the joints ``driven`` of the motion, or else all
+            joints. If they are more than the mechanism needs, the torques have the least norm.
 
     Raises:
-        InputError: if the numbers of joints differ.
+        InputError: if the numbers of joints differ, the motion does not keep the loops closed, or
+            the actuated joints cannot drive the mechanism.
     """
     arm = check_arm(arm)
-    serial_only(arm.spec, "the torque of the rigid model", UNDRIVEN)
-    return RigidTorque(arm.rigid(), check_motion(motion, arm))
+    serial_only(arm.spec, "the torque of the rigid model", UNDRIVEN[:1])
+    rigid, motion = arm.rigid(), check_motion(motion, arm)
+    if actuated is None:
+        actuated = driven_of(motion)
+        if actuated is None and "closures" not in rigid.spec.features:
+            return RigidTorque(rigid, motion)
+    actuation = Actuation(rigid, actuated)
+    for q in motion.joint_angle(np.linspace(motion.start_time, motion.end_time, _CHECKS)):
+        refuse_open(rigid, "motion", q, "fa.joint_motion(arm, ..., driven=[...]) does.")
+        actuation.motions(q)
+    return RigidTorque(rigid, motion, actuation)
 
 
+def driven_of(motion: object) -> tuple[int, ...] | None:
+    """Return the numbers of the joints that drive a motion of a mechanism, None for all."""
+    return getattr(motion, "driven", None) or None
+
+
+#: Singular value of the Jacobian of closures, in sizes, below which rows depend on each other.
+_DEPENDENT = 1e-8
 #: Lower bound of the smallest singular value of the tip Jacobian along the path, as a fraction of
-#: the reach, for the joints that control the tip.
+#: the reach, for the joints that control the tip; and of the motions of actuated joints.
 _SMALLEST = 1e-3
 
 

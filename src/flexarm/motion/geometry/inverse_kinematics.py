@@ -32,6 +32,7 @@ from flexarm.arm.observe import tips_of
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.model.arm.spec import serial_only
+from flexarm.motion.geometry.mechanism_path import posture_near
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -181,7 +182,8 @@ def inverse_kinematics(
             point on which the arm is: `"up"` is the left side in the direction of the point.
         posture: for three links or more, relative joint angles (n,) rad; the result is then the
             nearest solution, with the smallest sum of squared angle differences among the minima
-            found from this posture and from those of both elbows. `elbow` is not used.
+            found from this posture and from those of both elbows. `elbow` is not used. Required for
+            a mechanism, such as one with closures or sliding joints: the search starts there.
 
     Returns:
         The angles, each in [-pi, pi]; with a posture, near its angles, including full turns.
@@ -190,10 +192,11 @@ def inverse_kinematics(
         InputError: if the point is out of reach, or an argument has the wrong shape or is not
             finite.
     """
-    serial_only(check_arm(arm).spec, "inverse kinematics of the tip")
-    chain = rigid_chain(arm)
     target = check_array("point", point, (2,))
     check_elbow(elbow)
+    if not check_arm(arm).spec.is_serial:
+        return posture_near(arm, target, posture)
+    chain = rigid_chain(arm)
     check_reach("point", chain, target)
     return posture_at(chain, target, elbow, posture)
 

@@ -25,7 +25,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,6 +44,7 @@ from flexarm.motion.geometry.inverse_kinematics import (
     tip_jacobian_rate,
     tip_position,
 )
+from flexarm.motion.geometry.mechanism_path import Given, mechanism_path
 from flexarm.motion.motion import (
     Floats,
     JointState,
@@ -113,6 +114,26 @@ class TipMotion(PathMotion):
         return JointState(angles - self.chain.offset, slope, curve)
 
 
+class _MechanismTip(TipMotion):
+    """Motion of the tip of a mechanism, whose posture is a piecewise polynomial."""
+
+    def path(self, s: Floats) -> JointState:
+        """Return the postures along the path and their derivatives."""
+        table: Any = self.posture
+        return JointState(*(table(s, order) for order in range(3)))
+
+
+_NO_JOINTS = np.zeros(0, dtype=np.intp)
+
+
+def _nothing(s: float) -> Given:
+    return Given(*np.zeros((3, 0)))
+
+
+def _point(path: TipPath, s: float) -> Given:
+    return Given(*(part[0] for part in path.at(np.array([s]))))
+
+
 def tip_motion(
     arm: Arm,
     path: TipPath,
@@ -127,6 +148,11 @@ def tip_motion(
     law = timing_law(profile)
     chain = rigid_chain(arm)
     check_elbow(elbow)
+    if not arm.spec.is_serial:
+        table = mechanism_path(
+            arm, posture, _NO_JOINTS, _nothing, partial(_point, path), path.breaks
+        )
+        return _MechanismTip(chain, path, duration, law, start_time, table)
     if len(chain.lengths) == 1:
         rule = "has one link, which cannot follow a path of the tip"
         raise InputError(Problem("arm", rule, hint="Its tip moves on a circle: use joint_motion."))
@@ -326,7 +352,8 @@ def line_motion(
         elbow: `"up"` (for two links: relative elbow angle <= 0) or `"down"` (>= 0).
         start_time: start of the motion, s.
         posture: for three links or more, relative joint angles (n,); the motion starts with the
-            nearest ones, and `elbow` is not used.
+            nearest ones, and `elbow` is not used. Required for a mechanism, such as one with
+            closures or sliding joints, whose joints the position of the tip must determine.
 
     Raises:
         InputError: if a point of the line is out of reach, or so close to the boundary of the reach

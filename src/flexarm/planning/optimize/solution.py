@@ -14,7 +14,8 @@ from flexarm.base.errors import FlexarmError, LargeDeflectionWarning
 from flexarm.linear import equilibrium, modes
 from flexarm.motion.dynamics.dynamics_along import MotionTorque
 from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
-from flexarm.motion.motion import JointState, TabulatedMotion, quintic_table
+from flexarm.motion.geometry.mechanism_path import quintic_table
+from flexarm.motion.motion import JointState, TabulatedMotion
 from flexarm.planning.optimize.task import UNITS, Bound, Plan, Quantities, Task
 from flexarm.simulation.batch.reductions import Reduction, reduced
 from flexarm.simulation.calls.result import make_result

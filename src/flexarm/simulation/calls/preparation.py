@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.actions import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
+from flexarm.arm.closed import independent_motions, refuse_moving_apart, refuse_open
 from flexarm.base.arguments import (
     about_degrees,
     check_function,
@@ -25,7 +26,6 @@ from flexarm.base.errors import InputError, Problem, check_array, shown, unknown
 from flexarm.base.user_functions import call
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.integrate.base import FloatArray, Progress
-from flexarm.linear.statics.closed import independent_motions, refuse_moving_apart, refuse_open
 from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.plausible import Number, Range, judge, weights
 from flexarm.model.scenarios.scenario import sample_fault

@@ -23,7 +23,12 @@ from flexarm.base.errors import InputError, LargeDeflectionWarning, Problem, pub
 from flexarm.linear import modes
 from flexarm.model.quantities import Positive
 from flexarm.motion import Motion
-from flexarm.motion.dynamics.dynamics_along import MotionTorque, RigidTorque, dynamics_along
+from flexarm.motion.dynamics.dynamics_along import (
+    MotionTorque,
+    RigidTorque,
+    driven_of,
+    dynamics_along,
+)
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.run.settings import DEFAULTS, replaced
@@ -90,6 +95,8 @@ def flexible_torque(
     Args:
         arm: the arm.
         motion: motion of the joints or of the rigid model's tip; the flexible arm's tip vibrates.
+            Of a mechanism with closures one from `joint_motion` with ``driven``: these joints
+            follow it exactly, and the others as the flexible links permit.
         duration: s from time zero to the end of the torque; by default to the end of the motion.
         initial: q (dof,) at time zero; straight links by default.
         rtol: error allowed per step of the integration.
@@ -102,12 +109,13 @@ def flexible_torque(
     """
     motion = check_motion(motion, arm)
     until = check_positive("duration", motion.end_time if duration is None else duration)
+    numbers = driven_of(motion) or arm.joint_numbers
     locked = modes(arm, motion.joint_angle(0.0)).frequency_hz
     fastest = 2.0 * np.pi * float(np.max(locked, initial=0.0))
     count = int(np.clip(np.ceil(_SAMPLES * fastest * until), _FEWEST, _MOST))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LargeDeflectionWarning)  # the user's run warns
-        prescribed = {int(number): motion for number in arm.joint_numbers}
+        prescribed = {int(number): motion for number in numbers}
         initial = arm.rest(motion.joint_angle(0.0)) if initial is None else initial
         settings = replaced(DEFAULTS, rate=count / until, rtol=rtol, progress=False)
         result = simulate(arm, until, prescribed=prescribed, initial=initial, settings=settings)

@@ -11,6 +11,7 @@ import numpy as np
 from flexarm.arm.actions import place_contacts
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
+from flexarm.arm.closed import independent_motions, least_forces
 from flexarm.arm.observe import channels_of, contact_forces
 from flexarm.control.analysis.linear_controller import FrozenReference
 from flexarm.control.analysis.margins import without_friction
@@ -25,7 +26,6 @@ from flexarm.control.analysis.sampled_loop import (
 from flexarm.control.contract.base import Controller, Reference, has_poles
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
-from flexarm.linear.statics.closed import independent_motions, least_forces
 from flexarm.model import Contact, Hardware, Instrument, Sensor
 from flexarm.simulation.run.changes import ChangedArm
 from flexarm.simulation.run.tolerance import reach_of, tip_units

@@ -26,6 +26,7 @@ from flexarm.view.plot.drawn_result import (
     rigid_result,
     shapes_of,
 )
+from flexarm.view.plot.mechanism import Marks, marks_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -68,7 +69,9 @@ def postures(
     ghost = rigid_result(rigid, arm, result)
     time = result["time"].values
     times = np.linspace(time[0], time[-1], count)
-    shapes = shapes_of(arm, at_times(time, result["q"].values, times), magnify)
+    q = at_times(time, result["q"].values, times)
+    shapes = shapes_of(arm, q, magnify)
+    marks = marks_of(arm, q, shapes)
     with style.panels(axes, 1, (4.8, 4.4), style.rows(1)) as (panel,):
         if ghost is not None:
             look = {**style.RIGID, "linewidth": 0.6}
@@ -76,12 +79,13 @@ def postures(
         looks = [
             {"color": style.AGES(age), "linewidth": 1.5} for age in np.linspace(0.0, 1.0, count)
         ]
+        _draw_marks(panel, marks, looks)
         name = "flexible" if magnify == 1.0 else f"bending × {magnify:g}"
         _draw_arms(panel, arm, shapes, looks, name)
         panel.plot(
             *_tip_path(arm, result, magnify).T, color=style.VERMILLION, linewidth=1.2, label="tip"
         )
-        panel.plot(0.0, 0.0, "o", color=style.INK, markersize=4.5, clip_on=False)
+        panel.plot(*marks.feet.T, "o", color=style.INK, markersize=4.5, clip_on=False)
         for words, links in (("start", shapes[0]), ("end", shapes[-1])):
             _name_tip(panel, words, links[-1])
         panel.set(title="Postures", xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
@@ -101,6 +105,17 @@ def _draw_arms(
         if "linestyle" not in look:
             joints = joints_of(arm, links[None])[0, 1:]
             panel.plot(*joints.T, "o", color=look["color"], markersize=3.2, label="_")
+
+
+def _draw_marks(panel: Axes, marks: Marks, looks: list[dict[str, Any]]) -> None:
+    """Draw slides, lines, closures and a moving base of postures."""
+    for k, look in enumerate(looks):
+        pale: dict[str, Any] = {"color": style.GREY, "label": "_", "zorder": 1.2}
+        for ends in marks.rails[k]:
+            panel.plot(*ends.T, linewidth=0.8, **pale)
+        if marks.body is not None:
+            panel.plot(*marks.body[k].T, **{**look, "linewidth": 5.0, "label": "_"})
+        panel.plot(*marks.pins[k].T, "o", color=look["color"], markersize=3.2, label="_")
 
 
 def _name_tip(panel: Axes, words: str, link: FloatArray) -> None:

@@ -74,13 +74,17 @@ function drawSurroundings(draw, scene, toX, toY, side) {
   }
   const foot = 0.028 * side;
   draw.fillStyle = "#BFBFBF";
-  draw.beginPath();
-  draw.moveTo(toX(0), toY(0)); draw.lineTo(toX(0) - foot, toY(0) + 1.4 * foot);
-  draw.lineTo(toX(0) + foot, toY(0) + 1.4 * foot); draw.closePath(); draw.fill();
+  for (const [px, py] of scene.feet) {
+    draw.beginPath();
+    draw.moveTo(toX(px), toY(py)); draw.lineTo(toX(px) - foot, toY(py) + 1.4 * foot);
+    draw.lineTo(toX(px) + foot, toY(py) + 1.4 * foot); draw.closePath(); draw.fill();
+  }
 }
 
 function drawLinks(draw, scene, frame, toX, toY, scale) {
   draw.lineCap = "round";
+  for (const rail of scene.rails[frame]) line(draw, rail, toX, toY, "#8C8C8C", 1.5);
+  if (scene.body) line(draw, scene.body[frame], toX, toY, "#8C8C8C", 9);
   scene.links[frame].forEach((link, k) => {
     line(draw, link, toX, toY, scene.bends[k] ? BLUE : INK, Math.max(4, scale * scene.depths[k]));
   });

@@ -143,6 +143,8 @@ class _Arm:
         self.path = _line(axes, color=style.VERMILLION, linewidth=1.2, label="tip")
         self.ghost = _line(axes, color=style.GREY, linewidth=1.4, linestyle="--", label="rigid")
         scale = 72.0 * axes.get_window_extent().width / DPI / (view[1] - view[0])  # points per m
+        self.rails = [_line(axes, color=style.GREY, linewidth=1.2) for _ in scene.marks.rails[0]]
+        self.body = _line(axes, color=style.GREY, linewidth=7.0, solid_capstyle="round")
         self.links = []
         for depth, bends in zip(scene.depths, scene.bends, strict=True):
             color, width = style.BLUE if bends else style.INK, max(_LINK, scale * depth)
@@ -155,7 +157,7 @@ class _Arm:
             color=style.ORANGE if scene.payload else style.INK, markersize=9 if scene.payload else 4
         )
         self.clock = axes.text(0.02, 0.98, "", transform=axes.transAxes, va="top", animated=True)
-        _base(axes, view)
+        _feet(axes, scene.marks.feet, view)
         shown = [self.ghost] * (scene.ghost is not None) + [self.path] * (scene.path is not None)
         shown += [self.arrows] * (scene.arrows is not None)
         shown = [line for line in axes.get_lines() if line.get_label() == "reference"] + shown
@@ -176,6 +178,12 @@ class _Arm:
                 ghost = np.concatenate([ghost, np.full((len(ghost), 1, 2), np.nan)], axis=1)
             self.ghost.set_data(*ghost.reshape(-1, 2).T)
             yield self.ghost
+        for line, ends in zip(self.rails, scene.marks.rails[frame], strict=True):
+            line.set_data(*ends.T)
+            yield line
+        if scene.marks.body is not None:
+            self.body.set_data(*scene.marks.body[frame].T)
+            yield self.body
         for line, points in zip(self.links, scene.links[frame], strict=True):
             line.set_data(*points.T)
             yield line
@@ -221,10 +229,10 @@ def _line(axes: Axes, **look: Any) -> Line2D:
     return line
 
 
-def _base(axes: Axes, view: tuple[float, float, float, float]) -> None:
-    """Mark the base by a hatched foot below the origin."""
+def _feet(axes: Axes, feet: Any, view: tuple[float, float, float, float]) -> None:
+    """Mark points (k, 2) of the ground by a foot below each."""
     size = 0.028 * (view[1] - view[0])
-    foot = np.array([[0.0, 0.0], [-size, -1.4 * size], [size, -1.4 * size]])
-    axes.add_patch(
-        Polygon(foot, closed=True, facecolor="#BFBFBF", edgecolor=style.INK, linewidth=0.8)
-    )
+    shape = np.array([[0.0, 0.0], [-size, -1.4 * size], [size, -1.4 * size]])
+    look: dict[str, Any] = {"facecolor": "#BFBFBF", "edgecolor": style.INK, "linewidth": 0.8}
+    for point in feet:
+        axes.add_patch(Polygon(point + shape, closed=True, **look))

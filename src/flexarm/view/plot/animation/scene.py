@@ -30,6 +30,7 @@ from flexarm.view.plot.drawn_result import (
     scenario_of,
     shapes_of,
 )
+from flexarm.view.plot.mechanism import Marks, marks_of
 from flexarm.view.plot.palette import series_colors
 
 if TYPE_CHECKING:
@@ -58,7 +59,8 @@ class Scene:
     #: (links,) depths of the links in the plane, zero if the model has none
     depths: tuple[float, ...]
     bends: tuple[bool, ...]  # (links,) whether a link is flexible
-    joints: FloatArray  # (F, movable joints, 2)
+    joints: FloatArray  # (F, k, 2) of movable joints, and of closures
+    marks: Marks  # ground, slides and base
     serial: bool  # whether each link follows the one before
     payload: bool  # whether the arm carries one
     #: (F, movable joints, points, 2) of torques, NaN without an arrow; or None
@@ -103,15 +105,17 @@ def scene_of(
     if options.magnify == 1.0 and "tip" in result:
         path = at_times(time, result["tip"].values, path_times)
     else:
-        q = at_times(time, result["q"].values, path_times)
-        path = shapes_of(arm, q, options.magnify, 2)[:, -1, -1]
+        along = at_times(time, result["q"].values, path_times)
+        path = shapes_of(arm, along, options.magnify, 2)[:, -1, -1]
     straight = None if ghost is None else ghost.shapes(now, 2)
     desired = None
     if reference is not None:
         twice = np.concatenate([path_times, now])
         tips = tip_reference(arm, reference, twice)
         desired = tips[: len(path_times)], tips[len(path_times) :]
-    shown = [links.reshape(-1, 2), path]
+    marks = marks_of(arm, q, links)
+    shown = [links.reshape(-1, 2), path, marks.feet, marks.rails.reshape(-1, 2)]
+    shown += [] if marks.body is None else [marks.body.reshape(-1, 2)]
     shown += [] if straight is None else [straight.reshape(-1, 2)]
     shown += [] if desired is None else [desired[0]]
     view = _view(np.concatenate(shown))
@@ -133,7 +137,8 @@ def scene_of(
         links=links,
         depths=tuple(0.0 if k.section is None else float(k.section.depth) for k in spec.links),
         bends=tuple(link.flexible for link in spec.links),
-        joints=joints,
+        joints=np.concatenate([joints, marks.pins], axis=1),
+        marks=marks,
         serial=spec.is_serial,
         payload=spec.payload.mass > 0.0,
         arrows=arrows,
@@ -362,6 +367,9 @@ def _data(scene: Scene) -> dict[str, Any]:
         "depths": list(scene.depths),
         "bends": [bool(bends) for bends in scene.bends],
         "joints": _rounded(scene.joints, digits),
+        "feet": _rounded(scene.marks.feet, digits),
+        "rails": _rounded(scene.marks.rails, digits),
+        "body": _rounded(scene.marks.body, digits),
         "payload": scene.payload,
         "arrows": _rounded(scene.arrows, digits),
         "ghost": _rounded(scene.ghost, digits),

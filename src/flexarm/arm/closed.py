@@ -187,13 +187,16 @@ def _refuse_dependent(arm: Arm, scaled: FloatArray) -> None:
     raise InputError(Problem(_closures_of(arm, surplus), rule, hint=hint))
 
 
-def refuse_open(arm: Arm, name: str, q: FloatArray) -> None:
+#: How to find a closed posture.
+_POSTURE = "fa.assembled(arm, q) computes a posture near q that closes them."
+
+
+def refuse_open(arm: Arm, name: str, q: FloatArray, hint: str = _POSTURE) -> None:
     """Raise if the posture q (dof,), an argument ``name``, does not close the loops."""
     if arm.closure_rows:
         gaps = arm.closure_gaps(q)
         largest = int(np.argmax(np.abs(gaps / row_sizes(arm))))
         if abs(gaps[largest]) > _OPEN * row_sizes(arm)[largest]:
-            hint = "fa.assembled(arm, q) computes a posture near q that closes them."
             raise InputError(Problem(name, "close the loops", _gap(arm, gaps, largest), hint))
 
 
@@ -270,12 +273,20 @@ def gap_rates_by_q(arm: Arm, q: FloatArray, qd: FloatArray) -> tuple[FloatArray,
     return rates, by_q
 
 
-def held_joints(arm: Arm, held: Sequence[int]) -> IntArray:
-    """Return the indices in q of the joints whose numbers an argument ``held`` lists."""
+def gap_bias(arm: Arm, q: FloatArray, qd: FloatArray) -> FloatArray:
+    """Return the second derivatives of the gaps (rows,) at q and qd without accelerations."""
+    kernels = KernelView(arm.assembly.constants, complex)
+    state = arm.padded(np.stack([q + 1j * STEP * qd, qd]))
+    kernels.call(closure_gaps, state, kernels.work)
+    return np.asarray(kernels.work.closure[:, GAP_RATE].imag / STEP)
+
+
+def held_joints(arm: Arm, held: Sequence[int], name: str = "held") -> IntArray:
+    """Return the indices in q of the joints whose numbers an argument ``name`` lists."""
     numbers = held.tolist() if isinstance(held, np.ndarray) else as_list(held)
     if not isinstance(numbers, list):
-        raise InputError(Problem("held", "be a list of numbers of joints", shown(held)))
-    places = [check_joint(arm, "held", number) for number in numbers]
+        raise InputError(Problem(name, "be a list of numbers of joints", shown(held)))
+    places = [check_joint(arm, name, number) for number in numbers]
     return arm.joint_index[np.array(places, dtype=np.intp)]
 
 
@@ -323,19 +334,10 @@ def assembled(
     qd = np.zeros(arm.dof) if qd is None else check_array("qd", qd, (arm.dof,)).copy()
     fixed = held_joints(arm, held)
     rigid = _rigid_coordinates(arm)
-    movable = np.setdiff1d(rigid, fixed)
     mobility = rigid.size - arm.closure_rows
     if not arm.closure_rows:
         return AssembledState(q, qd, np.zeros(0), mobility, mobility)
-    guess = q.copy()
-    if not _close(arm, q, movable) <= _CLOSED:
-        if fixed.size and _close(arm, guess.copy(), rigid) <= _CLOSED:
-            raise _remaining(arm, q, "Hold fewer joints, or at other angles.")
-        bent = q.copy()
-        movable = np.union1d(movable, np.setdiff1d(np.arange(arm.dof), rigid))
-        if not _close(arm, bent, movable) <= _CLOSED or bending_warning(arm, bent):
-            raise _remaining(arm, q, "Check the lengths, or start from a posture that is closer.")
-        q = bent
+    q, movable = closed_posture(arm, q, fixed)
     J = _scaled_jacobian(arm, q)
     sizes, ease = coordinate_sizes(arm), np.minimum(_FIRST * _ease(arm)[movable], 1.0)
     to_rates = ease[:, None] * np.linalg.pinv(J[:, movable] * ease, rcond=_DEPENDENT)
@@ -345,6 +347,25 @@ def assembled(
     if scaled.size:
         freedom -= int(np.linalg.matrix_rank(scaled, tol=_DEPENDENT))
     return AssembledState(q, qd, arm.closure_gaps(q), mobility, freedom)
+
+
+def closed_posture(arm: Arm, q: FloatArray, fixed: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return q (dof,) near a guess, with closed loops, and the indices of what moved for that.
+
+    Raises:
+        InputError: if the loops do not close without the coordinates ``fixed``.
+    """
+    rigid, guess, q = _rigid_coordinates(arm), q, q.copy()
+    movable = np.setdiff1d(rigid, fixed)
+    if not _close(arm, q, movable) <= _CLOSED:
+        if fixed.size and _close(arm, guess.copy(), rigid) <= _CLOSED:
+            raise _remaining(arm, q, "Hold fewer joints, or at other angles.")
+        bent = q.copy()
+        movable = np.union1d(movable, np.setdiff1d(np.arange(arm.dof), rigid))
+        if not _close(arm, bent, movable) <= _CLOSED or bending_warning(arm, bent):
+            raise _remaining(arm, q, "Check the lengths, or start from a posture that is closer.")
+        q = bent
+    return q, movable
 
 
 def _remaining(arm: Arm, q: FloatArray, hint: str) -> InputError:

@@ -1,0 +1,110 @@
+"""Ground points, slides, moving bases and closures of a mechanism, as drawn; without Matplotlib."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import station_of
+from flexarm.view.plot.drawn_result import FloatArray
+
+
+class Marks(NamedTuple):
+    """Parts of a mechanism that are not links, in F frames; m, world axes."""
+
+    feet: FloatArray  # (k, 2) points at which the ground carries joints and closures
+    #: (F, R, 2, 2) ends of the travel of slides and of points on lines; points of closures and the
+    #: axes of their links
+    rails: FloatArray
+    body: FloatArray | None  # (F, points, 2) line through a moving base and its joints
+    pins: FloatArray  # (F, c, 2) first points of closures
+
+
+class _Pose(NamedTuple):
+    """Position (F, 2) and unit tangent (F, 2)."""
+
+    at: FloatArray
+    along: FloatArray
+
+    def point(self, x: float, y: float) -> FloatArray:
+        """Return a point (F, 2) at x and y in the axes of the pose."""
+        return self.at + x * self.along + y * _turned(self.along)
+
+    def direction(self, angle: float) -> FloatArray:
+        """Return the unit vector (F, 2) at an angle (rad)."""
+        return np.asarray(np.cos(angle) * self.along + np.sin(angle) * _turned(self.along))
+
+
+def _turned(vectors: FloatArray) -> FloatArray:
+    return np.asarray(np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1))
+
+
+def marks_of(arm: Arm, q: FloatArray, shapes: FloatArray) -> Marks:
+    """Return the marks of q (F, dof) with the drawn links (F, links, stations, 2)."""
+    spec, frames = arm.spec, len(q)
+    base = _base(arm, q)
+    ground = _Pose(np.zeros((frames, 2)), np.tile([1.0, 0.0], (frames, 1)))
+    feet, rails, pins, body = [], [], [], [base.at]
+    for i, (joint, parent) in enumerate(zip(spec.joints, spec.parents, strict=True)):
+        carrier = base
+        if parent >= 0:
+            carrier = _on(arm, shapes, parent, station_of(spec, i))
+        place = carrier.point(*joint.offset)
+        if parent < 0:
+            body += [place, base.at]
+            if not spec.base.free:
+                feet.append(place[0])
+        if joint.kind == "prismatic" and not joint.fixed:
+            x, y = joint.axis or (1.0, 0.0)
+            axis = carrier.direction(float(np.arctan2(y, x)))
+            rails.append(_rail(place, axis, shapes[:, i, 0]))
+    for closure in spec.closures:
+        section = _on(arm, shapes, closure.link - 1, closure.station)
+        first = section.point(*closure.offset)
+        pins.append(first)
+        rails.append(np.stack([section.at, first], axis=1))
+        second = base if closure.to_link == 0 else ground
+        if closure.to_link:
+            second = _on(arm, shapes, closure.to_link - 1, closure.to_station)
+        place = second.point(*closure.to_offset)
+        if closure.to_link:
+            rails.append(np.stack([second.at, place], axis=1))
+        if closure.kind == "line":
+            rails.append(_rail(place, second.direction(closure.angle), first))
+        elif closure.to_link is None or not (closure.to_link or spec.base.free):
+            feet.append(place[0])
+    return Marks(
+        feet=np.unique(np.array(feet).reshape(-1, 2), axis=0),
+        rails=np.array(rails).reshape(-1, frames, 2, 2).swapaxes(0, 1),
+        body=np.stack(body, axis=1) if spec.base.free else None,
+        pins=np.array(pins).reshape(-1, frames, 2).swapaxes(0, 1),
+    )
+
+
+def _base(arm: Arm, q: FloatArray) -> _Pose:
+    """Return the origin and the x axis of the base."""
+    values = {"x": 0.0 * q[:, 0], "y": 0.0 * q[:, 0], "angle": 0.0 * q[:, 0]}
+    values |= {item.name: q[:, item.place] for item in arm.assembly.base}
+    angle = values["angle"]
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return _Pose(np.stack([values["x"], values["y"]], axis=1), along)
+
+
+def _on(arm: Arm, shapes: FloatArray, link: int, station: float | None) -> _Pose:
+    """Return the section of a link at a distance (m) from its root, by default at its tip."""
+    points = shapes[:, link]
+    part = 1.0 if station is None else station / arm.spec.links[link].length
+    place = min(part, 1.0) * (points.shape[1] - 1)
+    k = min(int(place), points.shape[1] - 2)
+    step = points[:, k + 1] - points[:, k]
+    length = np.linalg.norm(step, axis=1, keepdims=True)
+    return _Pose(points[:, k] + (place - k) * step, step / np.maximum(length, 1e-300))
+
+
+def _rail(place: FloatArray, axis: FloatArray, moving: FloatArray) -> FloatArray:
+    """Return the ends (F, 2, 2) of the travel of a moving point on an axis through a place."""
+    travel = np.sum((moving - place) * axis, axis=1)
+    ends = np.array([min(travel.min(), 0.0), max(travel.max(), 0.0)])
+    return place[:, None] + ends[:, None] * axis[:, None]
