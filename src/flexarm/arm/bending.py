@@ -148,16 +148,6 @@ class _LargestDeflection(NamedTuple):
     deflection: float
 
 
-def _largest_deflection(arm: Arm, link: int, state: FloatArray) -> _LargestDeflection:
-    bent = [
-        _LargestDeflection(
-            piece, abs(float(arm.assembly.constants.P[piece.body] @ state[0, piece.body, 1:]))
-        )
-        for piece in arm.assembly.pieces_of(link)
-    ]
-    return max(bent, key=lambda one: one.deflection / one.piece.shapes.length)
-
-
 def theory_error(arm: Arm, states: FloatArray) -> str:
     """Describe the largest error of the theory in states (samples, 2, n, 1 + m); "" if small."""
     if arm not in _of_arms:
@@ -194,7 +184,14 @@ def _description(
     if worst is None:
         return None
     tip, link, at = worst
-    piece, deflection = _largest_deflection(arm, link, states[at])
+    state = states[at]
+    bent = [
+        _LargestDeflection(
+            piece, abs(float(arm.assembly.constants.P[piece.body] @ state[0, piece.body, 1:]))
+        )
+        for piece in arm.assembly.pieces_of(link)
+    ]
+    piece, deflection = max(bent, key=lambda one: one.deflection / one.piece.shapes.length)
     name = f"link {link + 1}"
     if arm.spec.links[link].segments > 1:
         name = f"a segment of {name}"

@@ -288,9 +288,12 @@ def _minimum(
         return rows
 
     try:
+        # The method requires a start strictly between the bounds.
+        room = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
+        margin = 1e-6 * np.minimum(room, 1.0)
         solution = least_squares(
             problem.residuals,
-            _inside(scaled, lower, upper),
+            np.clip(scaled, lower + margin, upper - margin),
             jac=jacobian,
             bounds=(lower, upper),
             method="trf",
@@ -306,13 +309,6 @@ def _minimum(
             raise
         return accepted[-1], False, iterations
     return solution.x, solution.status > 0, int(solution.nfev)
-
-
-def _inside(scaled: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Return a start strictly between the bounds, as the method requires."""
-    room = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
-    margin = 1e-6 * np.minimum(room, 1.0)
-    return np.clip(scaled, lower + margin, upper - margin)
 
 
 def random_start(space: Space, random: np.random.Generator) -> FloatArray:

@@ -246,7 +246,10 @@ class PredictionProblem(FitProblem):
     ) -> None:
         super().__init__(space, runs, watch, known)
         self._given = torque_noise
-        self._scale = _size_of_torques(space, runs)
+        # The scale is the RMS (joints,) of the torques of all records, N m; 1 without torques.
+        squares = [run.torque_power(space.case(k, space.start)) for k, run in enumerate(runs)]
+        size = np.sqrt(np.mean(squares, axis=0))
+        self._scale = np.asarray(np.where(size > 0.0, size, size.max() or 1.0))
         self.torque_noise = self._first_guess()
 
     def _first_guess(self) -> FloatArray:
@@ -356,13 +359,6 @@ class PredictionProblem(FitProblem):
         for run, own in zip(self.runs, gains, strict=True):
             run.gains = own
         self._last = None  # the derivatives depend on the gains
-
-
-def _size_of_torques(space: Space, runs: Sequence[PredictedRun]) -> FloatArray:
-    """Return the RMS (joints,) of the torques of all records, N m; 1 without torques."""
-    squares = [run.torque_power(space.case(k, space.start)) for k, run in enumerate(runs)]
-    size = np.sqrt(np.mean(squares, axis=0))
-    return np.asarray(np.where(size > 0.0, size, size.max() or 1.0))
 
 
 #: Range of estimated intensities, as factors on their scales, and their relative step for slopes.

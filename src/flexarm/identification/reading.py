@@ -250,7 +250,13 @@ def _uniform(
     for label, column in columns.items():
         values = column[inside]
         if rate * typical < 1.0 / _GAP:
-            values = _without_fast(values, times, rate)
+            # Content above 0.4 times the rate would be aliased.
+            good = np.isfinite(values)
+            uniform = np.linspace(times[0], times[-1], times.size)
+            filled = np.interp(uniform, times[good], values[good])
+            given = (times.size - 1) / (times[-1] - times[0])
+            smooth = without_phase(filled, _ANTI_ALIAS * rate, given, 4)
+            values = np.where(good, np.interp(times, uniform, smooth), np.nan)
         resampled[label] = _interpolated(grid, times, values, typical)
     return grid - times[0], resampled
 
@@ -261,16 +267,6 @@ def _rounded(rate: float) -> float:
         return rate
     nearest_whole = round(rate)
     return float(nearest_whole) if abs(rate - nearest_whole) < 1e-3 * rate else rate
-
-
-def _without_fast(values: FloatArray, times: FloatArray, rate: float) -> FloatArray:
-    """Return values without content above 0.4 times a rate (Hz), which would be aliased."""
-    good = np.isfinite(values)
-    uniform = np.linspace(times[0], times[-1], times.size)
-    filled = np.interp(uniform, times[good], values[good])
-    given = (times.size - 1) / (times[-1] - times[0])
-    smooth = without_phase(filled, _ANTI_ALIAS * rate, given, 4)
-    return np.where(good, np.interp(times, uniform, smooth), np.nan)
 
 
 def _interpolated(
@@ -422,7 +418,13 @@ def _netcdf(path: Path) -> _Table:
                 continue
             unit = str(array.attrs.get("units", ""))
             rows = np.asarray(array.values, dtype=np.float64).reshape(array.shape[0], -1)
-            labels = _labels(array)
+            # Suffixes are those of a CSV file of a result.
+            labels = [""]
+            for dimension in array.dims[1:]:
+                index: Any = array[dimension].values if dimension in array.coords else []
+                numbered = len(index) == 0 or dimension == "gauge"
+                own = range(1, array.sizes[dimension] + 1) if numbered else index
+                labels = [f"{label}_{item}" for label in labels for item in own]
             for label, column in zip(labels, rows.T, strict=True):
                 columns[f"{name}{label} [{unit}]" if unit else f"{name}{label}"] = column
     return columns
@@ -436,17 +438,6 @@ def _attributes_of(path: Path) -> dict[str, Any]:
         return {}
     with xr.open_dataset(path, engine=_engine(path), decode_times=False) as dataset:
         return dict(dataset.attrs)
-
-
-def _labels(array: Any) -> list[str]:
-    """Return the suffixes of the columns of a variable, as in a CSV file of a result."""
-    labels = [""]
-    for dimension in array.dims[1:]:
-        index = array[dimension].values if dimension in array.coords else []
-        numbered = len(index) == 0 or dimension == "gauge"
-        own = range(1, array.sizes[dimension] + 1) if numbered else index
-        labels = [f"{label}_{item}" for label in labels for item in own]
-    return labels
 
 
 def _engine(path: Path) -> str:

@@ -255,7 +255,12 @@ class RecordRun:
         for joint in settings.prescribed:
             angles = measured[Label("joint_angle", joint)]
             if settings.prescribed_cutoff is not None:
-                angles = _smooth(angles, settings.prescribed_cutoff, record.rate)
+                # The filter is of fourth order without phase shift.
+                cutoff = settings.prescribed_cutoff
+                if cutoff >= 0.5 * record.rate:
+                    rule = f"be less than half the rate ({0.5 * record.rate:g} Hz)"
+                    raise InputError(Problem("prescribed_cutoff", rule, f"{cutoff:g}"))
+                angles = without_phase(angles, cutoff, record.rate, 2)
             angles = np.interp(self.times + delay, self.times, angles)
             histories[joint] = PrescribedAngle.table(self.times, angles, "free")
         return histories
@@ -284,14 +289,6 @@ def delayed(history: PiecewiseCubic, delay: float) -> PiecewiseCubic:
         coefficients=np.concatenate([first, history.coefficients]),
         stops=stops[stops > 0.0],
     )
-
-
-def _smooth(values: FloatArray, cutoff: float, rate: float) -> FloatArray:
-    """Return values after a low-pass filter of fourth order without phase shift."""
-    if cutoff >= 0.5 * rate:
-        rule = f"be less than half the rate ({0.5 * rate:g} Hz)"
-        raise InputError(Problem("prescribed_cutoff", rule, f"{cutoff:g}"))
-    return without_phase(values, cutoff, rate, 2)
 
 
 def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:

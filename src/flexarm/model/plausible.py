@@ -411,7 +411,16 @@ def judge_masses(findings: list[str], spec: ArmSpec) -> None:
             _judge_joint(findings, at, joint, part, torque, falls)
             if joint.elastic:
                 bends = beams[i] if spec.links[i].flexible else None
-                _judge_spring(findings, at, joint, bends, torque, falls)
+                number, before = (
+                    Number(f"{at}.stiffness", joint.stiffness, "N m/rad"),
+                    len(findings),
+                )
+                statement = "so soft that the weight of the horizontal arm turns it by {ratio} rad"
+                twist, within = torque / joint.stiffness, _TWIST if falls else _FREE_TWIST
+                judge(findings, twist, within, statement, number._replace(power=-1.0))
+                if bends is not None and len(findings) == before:
+                    ratio = joint.stiffness * bends.length / bends.rigidity
+                    judge(findings, ratio, _SPRING, "{ratio} times that of its link", number)
 
 
 def weights(spec: ArmSpec) -> list[float]:
@@ -584,16 +593,3 @@ def _judge_motor(findings: list[str], at: str, joint: Joint, torque: float) -> N
     volts = torque / joint.torque_per_voltage
     statement = "so that the motor needs {ratio} V to hold the horizontal arm"
     judge(findings, volts, _VOLTAGE, statement, resistance, constant._replace(power=-1.0))
-
-
-def _judge_spring(
-    findings: list[str], at: str, joint: Joint, beam: _Beam | None, torque: float, falls: bool
-) -> None:
-    """Judge the spring of an elastic joint by the weight and by the stiffness of its link."""
-    number, before = Number(f"{at}.stiffness", joint.stiffness, "N m/rad"), len(findings)
-    statement = "so soft that the weight of the horizontal arm turns it by {ratio} rad"
-    twist, within = torque / joint.stiffness, _TWIST if falls else _FREE_TWIST
-    judge(findings, twist, within, statement, number._replace(power=-1.0))
-    if beam is not None and len(findings) == before:
-        ratio = joint.stiffness * beam.length / beam.rigidity
-        judge(findings, ratio, _SPRING, "{ratio} times that of its link", number)

@@ -337,20 +337,11 @@ def interior_values(
     K, K_bb = stiffness, stiffness[n:, n:]
     S = -np.linalg.solve(K_bb, K[n:, :n])
     static = K[:n, :n] + K[:n, n:] @ S
-    forces = _inertia_forces(table, quadrature, shapes) @ _accelerations(table, quadrature, static)
-    response = np.linalg.solve(K_bb, forces)
-    energy = np.linalg.cholesky(K_bb).T @ response
-    return _Interior(np.asarray(S + response, np.float64), np.asarray(energy, np.float64))
-
-
-def _accelerations(table: BeamTable, quadrature: BeamQuadrature, static: FloatArray) -> FloatArray:
-    """Return the mean acceleration (2 * elements, n) of v, phi in each element, per nodal value.
-
-    It is the force ``static @ d`` at inner nodes divided by the inertia of these nodes. Root and
-    tip elements take the value of their inner node, because other forces act at root and tip; the
-    error is of first order in two elements and changes frequencies in fifth order. The moment at a
-    node also contains mu h^3/15 v'' of a smooth field around it.
-    """
+    # The mean acceleration of v, phi in each element, per nodal value, is the force ``static @ d``
+    # at inner nodes divided by the inertia of these nodes. Root and tip elements take the value of
+    # their inner node, because other forces act at root and tip; the error is of first order in two
+    # elements and changes frequencies in fifth order. The moment at a node also contains mu h^3/15
+    # v'' of a smooth field around it.
     h, elements, xi = quadrature.element_length, quadrature.elements, quadrature.xi
     mass, rotary = (
         quadrature.weights * np.interp(quadrature.points, table.x, column)
@@ -365,7 +356,10 @@ def _accelerations(table: BeamTable, quadrature: BeamQuadrature, static: FloatAr
     mean[:-1] += nodal
     mean[1:] += nodal
     mean[1:-1] /= 2.0
-    return mean.reshape(2 * elements, -1)
+    forces = _inertia_forces(table, quadrature, shapes) @ mean.reshape(2 * elements, -1)
+    response = np.linalg.solve(K_bb, forces)
+    energy = np.linalg.cholesky(K_bb).T @ response
+    return _Interior(np.asarray(S + response, np.float64), np.asarray(energy, np.float64))
 
 
 def _inertia_forces(

@@ -359,9 +359,27 @@ def beam_basis(
         motion = motion @ _craig_bampton(motion, strain_to_nodal, modes)
     vectors, periods, _ = np.linalg.svd(motion, full_matrices=False)
     basis = solve_triangular(root_mass, vectors, lower=True, trans="T") / units[:, None]
-    basis = basis * _signs(basis * units[:, None])
+    # Make the tip deflection positive, or else the largest entry.
+    shapes = basis * units[:, None]
+    tip, largest = shapes[-2], np.abs(shapes).max(axis=0)
+    peak = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
+    # Below this limit, rounding errors could determine the sign of the tip deflection.
+    basis = basis * np.where(np.where(np.abs(tip) > 1e-6 * largest, tip, peak) < 0.0, -1.0, 1.0)
     beam = BeamBasis(basis=basis, projector=basis.T @ matrices.mass, w2=1.0 / periods**2)
-    _check_stiffness(beam, matrices.stiffness)
+    error = np.abs(beam.basis.T @ matrices.stiffness @ beam.basis - np.diag(beam.w2))
+    rounding = np.abs(beam.basis).T @ np.abs(matrices.stiffness) @ np.abs(beam.basis)
+    frequency = np.sqrt(beam.w2)
+    allowed = _DIAGONALITY * np.outer(frequency, frequency)
+    allowed += 10 * len(matrices.stiffness) * np.finfo(float).eps * rounding
+    if not np.all(error <= allowed):
+        worst = float((error / allowed).max())
+        problem = Problem(
+            "the stiffness over the shapes",
+            "be diagonal",
+            f"errors of {worst:.2g} times the tolerance",
+            "Flexural rigidity or mass may vary by too many orders of magnitude along the link.",
+        )
+        raise InputError(problem)
     return beam
 
 
@@ -392,32 +410,6 @@ def _craig_bampton(motion: FloatArray, strain_to_nodal: FloatArray, modes: int) 
         return static
     _, _, shapes = np.linalg.svd(motion @ clamped, full_matrices=False)
     return np.hstack([static, clamped @ shapes[: modes - 2].T])
-
-
-def _signs(shapes: FloatArray) -> FloatArray:
-    """Return signs (m,) that make the tip deflection positive, or else the largest entry."""
-    tip, largest = shapes[-2], np.abs(shapes).max(axis=0)
-    peak = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
-    # Below this limit, rounding errors could determine the sign of the tip deflection.
-    return np.where(np.where(np.abs(tip) > 1e-6 * largest, tip, peak) < 0.0, -1.0, 1.0)
-
-
-def _check_stiffness(beam: BeamBasis, stiffness: FloatArray) -> None:
-    """Raise InputError unless the shapes diagonalise the stiffness to w2."""
-    error = np.abs(beam.basis.T @ stiffness @ beam.basis - np.diag(beam.w2))
-    rounding = np.abs(beam.basis).T @ np.abs(stiffness) @ np.abs(beam.basis)
-    frequency = np.sqrt(beam.w2)
-    allowed = _DIAGONALITY * np.outer(frequency, frequency)
-    allowed += 10 * len(stiffness) * np.finfo(float).eps * rounding
-    if not np.all(error <= allowed):
-        worst = float((error / allowed).max())
-        problem = Problem(
-            "the stiffness over the shapes",
-            "be diagonal",
-            f"errors of {worst:.2g} times the tolerance",
-            "Flexural rigidity or mass may vary by too many orders of magnitude along the link.",
-        )
-        raise InputError(problem)
 
 
 def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:

@@ -156,17 +156,14 @@ def _record_arm(data: Recording, export: Exported, after: FloatArray) -> None:
         if function.name in results:
             rows = [np.ravel(results[function.name](k)) for k in range(SAMPLES)]
             data.expected[function.name] = np.array(rows)
-            data.tolerance[function.name] = _ROUNDING * _largest(rows)
+            values = np.abs(np.array(rows))
+            data.tolerance[function.name] = _ROUNDING * np.full(
+                values.shape[1], values.max(initial=0.0)
+            )
     slopes = [step_jacobian(arm, q[k], qd[k], torque[k], data.step) for k in range(SAMPLES)]
     rows = [np.concatenate([one.state.ravel(), one.torque.ravel()]) for one in slopes]
     data.expected["step_jacobian"] = np.array(rows)
     _scale_by_energy(data, arm)
-
-
-def _largest(rows: Any) -> FloatArray:
-    """Return the largest number of all rows, for each entry of a row."""
-    values = np.abs(np.array(rows))
-    return np.full(values.shape[1], values.max(initial=0.0))
 
 
 def _scale_by_energy(data: Recording, arm: Arm) -> None:

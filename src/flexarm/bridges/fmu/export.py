@@ -214,7 +214,12 @@ def _model_description(
     XML.SubElement(root, "DefaultExperiment", startTime="0", tolerance="1e-07", stepSize=repr(step))
     listed = XML.SubElement(root, "ModelVariables")
     for place, variable in enumerate(variables):
-        about, numbers = _attributes(place, variable), _numbers(variable, 1 if two else 0)
+        attributes = {"name": variable.name, "valueReference": str(place)}
+        attributes |= {"description": variable.description, "causality": variable.causality}
+        attributes["variability"] = variable.variability
+        if _initial(variable):
+            attributes["initial"] = _initial(variable)
+        about, numbers = attributes, _numbers(variable, 1 if two else 0)
         if two:
             XML.SubElement(XML.SubElement(listed, "ScalarVariable", about), "Real", numbers)
         else:
@@ -270,15 +275,6 @@ def _initial(variable: _Variable) -> str:
     if variable.causality in ("input", "independent"):
         return ""
     return "calculated" if variable.start is None else "exact"
-
-
-def _attributes(place: int, variable: _Variable) -> dict[str, str]:
-    attributes = {"name": variable.name, "valueReference": str(place)}
-    attributes |= {"description": variable.description, "causality": variable.causality}
-    attributes["variability"] = variable.variability
-    if _initial(variable):
-        attributes["initial"] = _initial(variable)
-    return attributes
 
 
 def _numbers(variable: _Variable, first: int) -> dict[str, str]:
@@ -452,7 +448,22 @@ class _Variables:
                 for path, value in given
             ],
         )
-        self._put_outputs(export)
+        self.places["outputs"] = len(self.all)
+        for function in export.functions:
+            rows = []
+            for channel in _OUTPUTS.get(function.name, ()):
+                meaning, unit = CHANNELS[channel].meaning, CHANNELS[channel].unit
+                labels = [channel]
+                if CHANNELS[channel].dims:
+                    labels = list(find_outputs(export.arm, [channel])[0].names)
+                rows += [_Variable(label, unit, meaning, "output") for label in labels]
+            if rows:
+                self._put(function.name, rows)
+        if export.controller:
+            meaning = "torque of the controller, constant from sample to sample"
+            torque = find_inputs(export.arm, ["torque"])
+            rows = [_Variable(*one[:2], meaning, "output", "discrete") for one in torque]
+            self._put("torque", rows)
 
     def _put(self, name: str, variables: Iterable[_Variable]) -> None:
         self.places[name] = len(self.all)
@@ -519,21 +530,3 @@ class _Variables:
                 for number, value in zip(numbers, values, strict=True)
             ]
             self._put(name, rows)
-
-    def _put_outputs(self, export: Exported) -> None:
-        self.places["outputs"] = len(self.all)
-        for function in export.functions:
-            rows = []
-            for channel in _OUTPUTS.get(function.name, ()):
-                meaning, unit = CHANNELS[channel].meaning, CHANNELS[channel].unit
-                labels = [channel]
-                if CHANNELS[channel].dims:
-                    labels = list(find_outputs(export.arm, [channel])[0].names)
-                rows += [_Variable(label, unit, meaning, "output") for label in labels]
-            if rows:
-                self._put(function.name, rows)
-        if export.controller:
-            meaning = "torque of the controller, constant from sample to sample"
-            torque = find_inputs(export.arm, ["torque"])
-            rows = [_Variable(*one[:2], meaning, "output", "discrete") for one in torque]
-            self._put("torque", rows)

@@ -156,7 +156,12 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
                 ``autoreset_mode`` is ``"Disabled"``.
         """
         part = check_array("actions", actions, (self.num_envs, self._task.arm.joints))
-        begins = self._begins()
+        if self._seen is None:
+            raise gymnasium.error.ResetNeeded("Call reset() before step().")
+        if self._mode is AutoresetMode.DISABLED and self._over.any():
+            how = "options={'reset_mask': terminations | truncations}"
+            raise gymnasium.error.ResetNeeded(f"Episodes are over: call reset({how}).")
+        begins = self._over.copy()
         before = self._seen
         assert before is not None
         np.clip(part, -1.0, 1.0, out=part)
@@ -207,15 +212,6 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
             generator, self._seeds[place] = seeding.np_random()
             self._generators[place] = generator
         return generator
-
-    def _begins(self) -> BoolArray:
-        """Return the sub-environments (num_envs,) whose step begins a new episode."""
-        if self._seen is None:
-            raise gymnasium.error.ResetNeeded("Call reset() before step().")
-        if self._mode is AutoresetMode.DISABLED and self._over.any():
-            how = "options={'reset_mask': terminations | truncations}"
-            raise gymnasium.error.ResetNeeded(f"Episodes are over: call reset({how}).")
-        return self._over.copy()
 
     def _begin(self, places: Rows, options: Mapping[str, Any]) -> None:
         """Begin episodes in some sub-environments."""

@@ -79,13 +79,6 @@ def export_mat(
     variables: dict[str, Any] = {"linear": linear.arrays()}
     if result is not None:
         variables["result"] = _result_structure(check_dataset("result", result))
-    write_text(_dynamics_file(model, name), script)
-    write_whole(place, [mat_bytes(variables)])
-    return [place, script]
-
-
-def _dynamics_file(model: CasadiModel, name: str) -> str:
-    """Return the text of the file of the function ``name``, for MATLAB and GNU Octave."""
     function = model.forward_dynamics
     given = [one for one in function.name_in() if one != "parameters" or model.parameters]
     sizes = {one: function.size1_in(one) for one in given}
@@ -99,7 +92,9 @@ def _dynamics_file(model: CasadiModel, name: str) -> str:
     lines += [f"if {wrong}", f"    error('{name}:size', 'The rows must be {rows}.')", "end"]
     columns = ", ".join(f"size({one}, 2)" for one in given)
     lines += [f"qdd = zeros({sizes['q']}, max([{columns}]));"]
-    return "\n".join([*lines, *statements(function), "end", ""])
+    write_text("\n".join([*lines, *statements(function), "end", ""]), script)
+    write_whole(place, [mat_bytes(variables)])
+    return [place, script]
 
 
 def _help(model: CasadiModel, name: str) -> list[str]:

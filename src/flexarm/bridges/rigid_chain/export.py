@@ -349,7 +349,12 @@ def _mjcf(chain: RigidChain, masses: list[Body], name: str) -> str:
         if body.joint is None:
             parent.set("euler", f"0 0 {body.angle!r}")
         else:
-            _add_hinge(parent, body)
+            given = {"name": str(body.joint), "type": "hinge", "axis": "0 0 1"}
+            if body.stiffness:
+                given |= {"stiffness": repr(body.stiffness), "springref": repr(body.rest_angle)}
+            if body.damping:
+                given["damping"] = repr(body.damping)
+            SubElement(parent, "joint", given)
             if body.joint.startswith("joint"):
                 SubElement(actuators, "motor", name=body.joint, joint=body.joint)
                 SubElement(sensors, "jointpos", name=f"{body.joint}_angle", joint=body.joint)
@@ -416,15 +421,6 @@ def _explained(chain: RigidChain, more: str) -> str:
         *(table if chain.comparisons else []),
     ]
     return "\n".join(lines) + more + "\n"
-
-
-def _add_hinge(parent: Element, body: Body) -> None:
-    given = {"name": str(body.joint), "type": "hinge", "axis": "0 0 1"}
-    if body.stiffness:
-        given |= {"stiffness": repr(body.stiffness), "springref": repr(body.rest_angle)}
-    if body.damping:
-        given["damping"] = repr(body.damping)
-    SubElement(parent, "joint", given)
 
 
 def _connect(root: Element, parent: str, body: Body) -> None:

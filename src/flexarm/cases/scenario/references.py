@@ -64,7 +64,19 @@ def motion_of(arm: Arm, scenario: Scenario) -> TaskReference | None:
     """Create the motion of a scenario."""
     spec = scenario.motion
     if isinstance(spec, PressedMotionSpec):
-        return _pressed(arm, spec, scenario)
+        with problems_under("path"):
+            path = _plain(arm, spec.path)
+        force = spec.force
+        surface = scenario.contacts[0].surface if scenario.contacts else None
+        return pressed_motion(
+            arm,
+            path,
+            _over_time(force) if isinstance(force, ForceTable) else force,
+            spec.normal if spec.normal is not None else _normal(surface, path),
+            duration=max(scenario.run.duration, path.end_time),
+            friction=spec.friction,
+            interval=spec.interval,
+        )
     return None if spec is None else _plain(arm, spec)
 
 
@@ -80,22 +92,6 @@ def _plain(arm: Arm, spec: PlainMotionSpec) -> Motion:
         with problems_under("smoothing"):
             motion = smoothed(motion, spec.smoothing.duration, spec.smoothing.window)
     return motion
-
-
-def _pressed(arm: Arm, spec: PressedMotionSpec, scenario: Scenario) -> PressedMotion:
-    with problems_under("path"):
-        path = _plain(arm, spec.path)
-    force = spec.force
-    surface = scenario.contacts[0].surface if scenario.contacts else None
-    return pressed_motion(
-        arm,
-        path,
-        _over_time(force) if isinstance(force, ForceTable) else force,
-        spec.normal if spec.normal is not None else _normal(surface, path),
-        duration=max(scenario.run.duration, path.end_time),
-        friction=spec.friction,
-        interval=spec.interval,
-    )
 
 
 def _over_time(table: ForceTable) -> Callable[[float], float]:
@@ -158,7 +154,12 @@ def reference_of(arm: Arm, drive: ControllerDrive, motion: TaskReference | None)
         return Followed(motion, "pressed", motion.holding_torque, motion.initial)
     kind = drive.reference_kind
     if kind is None:
-        return _bent_or_rigid(arm, motion)
+        if arm.dof == arm.joints:
+            return _rigid(arm, motion, followed=True)
+        try:
+            return _quasi_static(arm, motion)
+        except FlexarmError as error:
+            return _rigid(arm, motion, f": {error}", followed=True)
     with problems_under("reference"):
         if kind in _ORDERS:
             return _quasi_static(arm, motion, kind)
@@ -186,16 +187,6 @@ def torque_of(arm: Arm, drive: Any, motion: Motion) -> Followed:
     options = {name: getattr(drive, name) for name in type(drive).model_fields if name != "kind"}
     inverse = tip_inversion(arm, motion, **options)
     return Followed(motion, drive.kind, inverse.torque, inverse.initial)
-
-
-def _bent_or_rigid(arm: Arm, motion: Motion) -> Followed:
-    """Return the quasi-static reference, or the rigid one with the reason."""
-    if arm.dof == arm.joints:
-        return _rigid(arm, motion, followed=True)
-    try:
-        return _quasi_static(arm, motion)
-    except FlexarmError as error:
-        return _rigid(arm, motion, f": {error}", followed=True)
 
 
 def _rigid(arm: Arm, motion: Motion, reason: str = "", followed: bool = False) -> Followed:

@@ -98,7 +98,18 @@ def _link(k: int, links: int, gravity: bool) -> str:
 
 def scenario_text(links: int, gravity: bool) -> str:
     """Return the scenario file for the arm of `arm_text` in ``arm.yaml``."""
-    inertias = _inertias(links, gravity)
+    # The gains follow from the inertia of the straight arm about each joint.
+    from flexarm.model.arm.links import MATERIALS
+
+    length = _length(links)
+    mass = MATERIALS[_MATERIAL].density * _WIDTH * _height(gravity) * length
+    inertias = []
+    for joint in range(links):
+        outboard = range(links - joint)
+        about = sum(mass * length**2 * ((k + 0.5) ** 2 + 1.0 / 12.0) for k in outboard)
+        about += sum(_MOTOR * (k * length) ** 2 for k in outboard)
+        about += _PAYLOAD * ((links - joint) * length) ** 2
+        inertias.append(about + 0.1)
     frequency = 6.0 if gravity else 2.5  # rad/s, below the first vibration of the arm
     proportional = [float(f"{inertia * frequency**2:.2g}") for inertia in inertias]
     derivative = [float(f"{1.4 * inertia * frequency:.2g}") for inertia in inertias]
@@ -144,19 +155,3 @@ def _length(links: int) -> float:
 
 def _height(gravity: bool) -> float:
     return 0.02 if gravity else 0.008
-
-
-def _inertias(links: int, gravity: bool) -> list[float]:
-    """Return the inertia of the straight arm about each joint, kg m^2, for its gains."""
-    from flexarm.model.arm.links import MATERIALS
-
-    length = _length(links)
-    mass = MATERIALS[_MATERIAL].density * _WIDTH * _height(gravity) * length
-    inertias = []
-    for joint in range(links):
-        outboard = range(links - joint)
-        about = sum(mass * length**2 * ((k + 0.5) ** 2 + 1.0 / 12.0) for k in outboard)
-        about += sum(_MOTOR * (k * length) ** 2 for k in outboard)
-        about += _PAYLOAD * ((links - joint) * length) ** 2
-        inertias.append(about + 0.1)
-    return inertias

@@ -92,7 +92,19 @@ def _report(slow: PaperCase, fast: PaperCase) -> Iterator[RenderableType]:
         _comparison(slow, fast),
     )
     yield _NOTES
-    yield from _frequencies(slow)
+    from flexarm.view.paper import FINE_ELEMENTS, frequency_tables
+
+    tables = frequency_tables(slow)
+    fine = f"{FINE_ELEMENTS} + {FINE_ELEMENTS}"
+    heads = ["mode", *(f"{table.joints}, {mesh}" for table in tables for mesh in ("2 + 1", fine))]
+    columns = [column for table in tables for column in (table.paper_mesh, table.fine_mesh)]
+    rows = [
+        (str(mode), *(f"{value:.3f}" for value in row))
+        for mode, row in enumerate(zip(*columns, strict=True), start=1)
+    ]
+    title = "Natural frequencies at the start [Hz]"
+    yield numbers(title, heads, rows)
+    yield "locked, free: the joints. 2 + 1 are the paper's elements."
 
 
 def _comparison(slow: PaperCase, fast: PaperCase) -> Iterator[tuple[str, ...]]:
@@ -113,22 +125,6 @@ def _comparison(slow: PaperCase, fast: PaperCase) -> Iterator[tuple[str, ...]]:
 
 def _millimetres(metres: float) -> str:
     return f"{1e3 * metres:.2f}"
-
-
-def _frequencies(case: PaperCase) -> Iterator[RenderableType]:
-    from flexarm.view.paper import FINE_ELEMENTS, frequency_tables
-
-    tables = frequency_tables(case)
-    fine = f"{FINE_ELEMENTS} + {FINE_ELEMENTS}"
-    heads = ["mode", *(f"{table.joints}, {mesh}" for table in tables for mesh in ("2 + 1", fine))]
-    columns = [column for table in tables for column in (table.paper_mesh, table.fine_mesh)]
-    rows = [
-        (str(mode), *(f"{value:.3f}" for value in row))
-        for mode, row in enumerate(zip(*columns, strict=True), start=1)
-    ]
-    title = "Natural frequencies at the start [Hz]"
-    yield numbers(title, heads, rows)
-    yield "locked, free: the joints. 2 + 1 are the paper's elements."
 
 
 def _as_text(report: Group) -> str:

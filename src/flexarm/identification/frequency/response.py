@@ -110,19 +110,16 @@ class FrequencyResponse:
         fit = fitted(
             self.frequency_hz[inside], self.response[inside], self.deviation[inside], rates, count
         )
-        self._warn_of_poor_fits(fit["fit"])
-        return MeasuredModes(**fit, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
-
-    def _warn_of_poor_fits(self, fit: FloatArray) -> None:
         poor = [
             f"{output} to {given} ({percent:.2g} %)"
-            for output, row in zip(self.outputs, fit, strict=True)
+            for output, row in zip(self.outputs, fit["fit"], strict=True)
             for given, percent in zip(self.inputs, row, strict=True)
             if percent < _POOR
         ]
         if poor:
             text = f"the fitted modes hardly reproduce {', '.join(poor)}; 100 % is perfect. "
             warn_caller(text + "Check the number of modes and the noise.", AccuracyWarning)
+        return MeasuredModes(**fit, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
 
 
 @public_call
@@ -177,7 +174,12 @@ def frequency_response(
     else:
         width = None if segment is None else check_positive("segment", segment, "s")
         parts = [_segment_spectra(record, width, start) for record in given.values()]
-    spectra = _average(parts)
+    if any(part.frequency_hz.size != parts[0].frequency_hz.size for part in parts):
+        rule, hint = "is required for records of different length", "Give its length in seconds."
+        raise InputError(Problem("segment", rule, hint=hint))
+    averages = sum(part.averages for part in parts)
+    total = sum(part.averages * part.matrix for part in parts) / averages
+    spectra = _Spectra(parts[0].frequency_hz, np.asarray(total), averages)
     return _estimate(spectra, next(iter(given.values())), inputs, outputs, limits)
 
 
@@ -212,16 +214,6 @@ def _signals_of(records: Mapping[str, MeasuredRecord]) -> tuple[list[Label], lis
     if problems:
         raise InputError(*problems)
     return inputs, outputs
-
-
-def _average(parts: list[_Spectra]) -> _Spectra:
-    """Return the average of the spectra of records, weighted by their numbers of averages."""
-    if any(part.frequency_hz.size != parts[0].frequency_hz.size for part in parts):
-        rule, hint = "is required for records of different length", "Give its length in seconds."
-        raise InputError(Problem("segment", rule, hint=hint))
-    averages = sum(part.averages for part in parts)
-    total = sum(part.averages * part.matrix for part in parts) / averages
-    return _Spectra(parts[0].frequency_hz, np.asarray(total), averages)
 
 
 def _estimate(

@@ -468,7 +468,14 @@ class Link(Record):
         yield from _rigid_or_flexible_faults(given)
         yield from _shear_faults(given)
         if given.has("rotary_inertia") and given.rotary_inertia:
-            yield from _rotary_inertia_faults(given)
+            in_table = given.has("table") and given.table.rotary_inertia_per_length is not None
+            constants = (
+                given.absent("table") and given.absent("material") and given.absent("section")
+            )
+            if (given.has("table") and not in_table) or (
+                constants and given.absent("rotary_inertia_per_length")
+            ):
+                yield Fault(("rotary_inertia",), "requires rotary_inertia_per_length")
         if given.has("length", "table"):
             yield from _table_end_faults(given.length, given.table.x[-1])
         if given.has("elements", "segments"):
@@ -551,16 +558,6 @@ def _shear_faults(given: Given) -> Iterator[Fault]:
         yield Fault(
             path, "is missing", hint="It is k G A. A material and a section define it, too."
         )
-
-
-def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
-    """Yield a fault if rotary inertia is requested and the description has none."""
-    in_table = given.has("table") and given.table.rotary_inertia_per_length is not None
-    constants = given.absent("table") and given.absent("material") and given.absent("section")
-    if (given.has("table") and not in_table) or (
-        constants and given.absent("rotary_inertia_per_length")
-    ):
-        yield Fault(("rotary_inertia",), "requires rotary_inertia_per_length")
 
 
 def _table_end_faults(length: float, end: float) -> Iterator[Fault]:

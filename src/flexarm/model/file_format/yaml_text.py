@@ -189,7 +189,16 @@ class Document:
             ]
             return [value for value, _ in items], 1 + sum(size for _, size in items)
         if isinstance(node, yaml.MappingNode):
-            self._check_keys(node, path)
+            lines: dict[str, int] = {}
+            for key, _ in node.value:
+                line = key.start_mark.line + 1
+                if not isinstance(key, yaml.ScalarNode):
+                    self._report(key, path, "has a list or a mapping as a key")
+                elif key.value in lines:
+                    rule = f"is a duplicate key, first given in line {lines[key.value]}"
+                    self._report(key, (*path, key.value), rule)
+                else:
+                    lines[key.value] = line
             entries = {
                 key: self._sized(value, (*path, key))
                 for key, (_, value) in self._entries_of(node).items()
@@ -213,19 +222,6 @@ class Document:
                 own.setdefault(key.value, (key, value))
         self._entries[id(mapping)] = merged | own
         return merged | own
-
-    def _check_keys(self, node: yaml.MappingNode, path: Path) -> None:
-        """Report duplicate keys and keys that are not scalars."""
-        lines: dict[str, int] = {}
-        for key, _ in node.value:
-            line = key.start_mark.line + 1
-            if not isinstance(key, yaml.ScalarNode):
-                self._report(key, path, "has a list or a mapping as a key")
-            elif key.value in lines:
-                rule = f"is a duplicate key, first given in line {lines[key.value]}"
-                self._report(key, (*path, key.value), rule)
-            else:
-                lines[key.value] = line
 
     def _report(self, node: yaml.Node, path: Path, rule: str) -> None:
         where = f"{self.file}:{node.start_mark.line + 1}"

@@ -189,7 +189,9 @@ _SAMPLES = 10
 def simulated(task: Task, plant: Arm, plan: Plan) -> xr.Dataset:
     """Simulate the full model under the torque of a plan, and for some time after its end."""
     joint_angles = task.arm.joint_angles(task.start.q)
-    after = _settling(task, plant, plan.duration)
+    hertz = modes(plant, task.arm.joint_angles(task.end.q), joints="locked").frequency_hz
+    slowest = float(np.min(hertz[hertz > 0.0], initial=np.inf))
+    after = float(np.clip(_PERIODS / slowest, _SHORTEST * plan.duration, _LONGEST * plan.duration))
     periods = np.max(task.vibrations, initial=0.0) * plan.duration / (2.0 * np.pi)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LargeDeflectionWarning)  # once, for the last plan
@@ -232,10 +234,3 @@ def remaining(task: Task, plant: Arm, plan: Plan, run: xr.Dataset) -> Remaining:
         float(np.abs(at_end).max()),
         excess,
     )
-
-
-def _settling(task: Task, plant: Arm, duration: float) -> float:
-    """Return the simulated time after the end, s."""
-    hertz = modes(plant, task.arm.joint_angles(task.end.q), joints="locked").frequency_hz
-    slowest = float(np.min(hertz[hertz > 0.0], initial=np.inf))
-    return float(np.clip(_PERIODS / slowest, _SHORTEST * duration, _LONGEST * duration))

@@ -203,20 +203,6 @@ def design(
     )
     content = case_of(needs)
     candidates = candidates_of(needs)
-    found = _assessed(needs, content, candidates)
-    table = _table(needs, content, found, progress)
-    chosen = _chosen(needs, found, table)
-    reasons = reasons_of(needs, candidates, found, table, chosen)
-    if not found[chosen].stable:
-        warn_caller(reasons[0], UnstableLoopWarning)
-    scenarios = {name: scenario_of(content, one.drive) for name, one in found.items()}
-    return ControllerDesign(needs.task, chosen, reasons, table, scenarios[chosen], scenarios)
-
-
-def _assessed(
-    needs: Requirements, content: dict[str, Any], candidates: Sequence[Candidate]
-) -> dict[str, Assessed]:
-    """Return the best setting of each candidate that can be designed, by name."""
     plants = {
         name: Arm(plant_spec(needs.arm.spec, PlantSpec(**factors)))
         for name, factors in content["plants"].items()
@@ -228,7 +214,13 @@ def _assessed(
         rule = "has no controller among the candidates that can be designed for this arm"
         hint = f"Give the links damping, or use other sensors. The last error is: {loops.error}"
         raise InputError(Problem("task", rule, hint=hint))
-    return found
+    table = _table(needs, content, found, progress)
+    chosen = _chosen(needs, found, table)
+    reasons = reasons_of(needs, candidates, found, table, chosen)
+    if not found[chosen].stable:
+        warn_caller(reasons[0], UnstableLoopWarning)
+    scenarios = {name: scenario_of(content, one.drive) for name, one in found.items()}
+    return ControllerDesign(needs.task, chosen, reasons, table, scenarios[chosen], scenarios)
 
 
 def _table(
@@ -293,7 +285,18 @@ def case_of(needs: Requirements) -> dict[str, Any]:
     """Return the content of a study without drives: the keys of a file, for all candidates."""
     found: dict[str, Any] = {"arm": needs.arm.spec, "motions": {needs.task: _motion(needs)}}
     if needs.task == "hold" and needs.lowest:
-        found["loads"] = [_disturbance(needs)]
+        # The disturbance is a push across the last link at the tip, for one period.
+        arm, links = needs.arm, len(needs.arm.spec.links)
+        still = equilibrium(arm, needs.start)
+        angle = float(arm.tip(arm.rest(needs.start))[2])
+        across = np.array([-np.sin(angle), np.cos(angle)])  # of the last link
+        pushed = equilibrium(arm, needs.start, loads=[Load(links, tuple(across.tolist()))])
+        compliance = np.hypot(*(arm.tip(pushed.q)[:2] - arm.tip(still.q)[:2]))
+        force = rounded(across * _DISTURBED * arm.reach / compliance)
+        before, period = _BEFORE * needs.period, needs.period
+        times = rounded([before, before, before + period, before + period])
+        factor = {"times": times, "values": [0.0, 1.0, 1.0, 0.0]}
+        found["loads"] = [{"link": links, "force": force, "factor": factor}]
     if needs.task == "force":
         found["contacts"] = [_surface(needs)]
     hardware: dict[str, Any] = {}
@@ -345,21 +348,6 @@ def _surface(needs: Requirements) -> dict[str, Any]:
         "stiffness": rounded([stiffness], 2)[0],
         "damping": rounded([damping], 2)[0],
     }
-
-
-def _disturbance(needs: Requirements) -> dict[str, Any]:
-    """Return a push across the last link at the tip, for one period after the start."""
-    arm, links = needs.arm, len(needs.arm.spec.links)
-    still = equilibrium(arm, needs.start)
-    angle = float(arm.tip(arm.rest(needs.start))[2])
-    across = np.array([-np.sin(angle), np.cos(angle)])  # of the last link
-    pushed = equilibrium(arm, needs.start, loads=[Load(links, tuple(across.tolist()))])
-    compliance = np.hypot(*(arm.tip(pushed.q)[:2] - arm.tip(still.q)[:2]))
-    force = rounded(across * _DISTURBED * arm.reach / compliance)
-    before, period = _BEFORE * needs.period, needs.period
-    times = rounded([before, before, before + period, before + period])
-    factor = {"times": times, "values": [0.0, 1.0, 1.0, 0.0]}
-    return {"link": links, "force": force, "factor": factor}
 
 
 def _instruments(needs: Requirements) -> list[dict[str, Any]]:
@@ -423,7 +411,18 @@ def reasons_of(
         if one.name not in found
     ]
     if found[chosen].stable:
-        sentences.append(_margin(needs, found[chosen]))
+        margins = found[chosen].margins
+        text = (
+            f"On {_arms(needs)}, at the start and at the end of the motion, the loop of each joint "
+            f"permits a gain factor of {margins['gain_margin']:.2g}, "
+            f"{np.degrees(margins['phase_margin']):.0f} degrees of phase and "
+            f"{1e3 * margins['delay_margin']:.2g} ms of delay (disk margin "
+            f"{margins['disk_margin']:.2g}). The slowest vibration has a damping ratio of "
+            f"{margins['damping_ratio']:.2g}."
+        )
+        if margins["disk_margin"] < needs.disk_margin:
+            text += f" No candidate has the required disk margin of {needs.disk_margin:g}."
+        sentences.append(text)
     else:
         hint = "Reduce the uncertainty, or add sensors."
         sentences.insert(0, f"No candidate is stable on {_arms(needs)}. {hint}")
@@ -450,22 +449,6 @@ def _other(needs: Requirements, name: str, one: Assessed, worst: float) -> str:
     if one.margins["disk_margin"] < needs.disk_margin:
         text += f", with a disk margin of only {one.margins['disk_margin']:.2g}"
     return text + "."
-
-
-def _margin(needs: Requirements, one: Assessed) -> str:
-    """Return the margins of a stable proposal, in words."""
-    margins = one.margins
-    text = (
-        f"On {_arms(needs)}, at the start and at the end of the motion, the loop of each joint "
-        f"permits a gain factor of {margins['gain_margin']:.2g}, "
-        f"{np.degrees(margins['phase_margin']):.0f} degrees of phase and "
-        f"{1e3 * margins['delay_margin']:.2g} ms of delay (disk margin "
-        f"{margins['disk_margin']:.2g}). The slowest vibration has a damping ratio of "
-        f"{margins['damping_ratio']:.2g}."
-    )
-    if margins["disk_margin"] < needs.disk_margin:
-        text += f" No candidate has the required disk margin of {needs.disk_margin:g}."
-    return text
 
 
 def _arms(needs: Requirements) -> str:

@@ -404,7 +404,22 @@ def report(
     """
     if isinstance(result, Identification) or is_identification(result):
         others = (channels, magnify != 1.0 or None, rigid or None, reference, contacts)
-        return _of_identification(result, path, title, notes, others)
+        from flexarm.view.reporting.identification import identification_page
+
+        identified = (
+            result if isinstance(result, Identification) else Identification.from_dataset(result)
+        )
+        if any(option is not None for option in others):
+            rule = "of the report of an identification may be path, title and notes"
+            raise InputError(Problem("arguments", rule))
+        title = "Identification" if title is None else check_kind("title", title, str, "text")
+        notes = check_kind("notes", notes, str, "text")
+        engine = template_engine()
+        place = None if path is None else check_place("path", path, (".html",))
+        text = identification_page(engine, identified, title, notes)
+        if place is not None:
+            write_text(text, place)
+        return text
     result = check_drawable("result", result)
     arm = arm_of("result", result)
     title = "Flexible arm" if title is None else check_kind("title", title, str, "text")
@@ -425,32 +440,6 @@ def report(
     return text
 
 
-def _of_identification(
-    result: xr.Dataset | Identification,
-    path: AnyPath | None,
-    title: str | None,
-    notes: str,
-    options: Sequence[object],
-) -> str:
-    """Write the report of an identification; ``options`` are those of runs, which must be None."""
-    from flexarm.view.reporting.identification import identification_page
-
-    identified = (
-        result if isinstance(result, Identification) else Identification.from_dataset(result)
-    )
-    if any(option is not None for option in options):
-        rule = "of the report of an identification may be path, title and notes"
-        raise InputError(Problem("arguments", rule))
-    title = "Identification" if title is None else check_kind("title", title, str, "text")
-    notes = check_kind("notes", notes, str, "text")
-    engine = template_engine()
-    place = None if path is None else check_place("path", path, (".html",))
-    text = identification_page(engine, identified, title, notes)
-    if place is not None:
-        write_text(text, place)
-    return text
-
-
 def clock(
     result: xr.Dataset, links: int, most: int = _MOST_COORDINATES
 ) -> tuple[np.ndarray, float, float]:
@@ -464,14 +453,11 @@ def clock(
         return np.zeros(1), _MOST_FPS, 1.0
     speed = 1.0
     if not _SHORTEST / 2.0 <= duration <= _LONGEST:
-        speed = _round(duration / (_SHORTEST if duration < _SHORTEST else _LONGEST))
+        # The speed is the nearest of 1, 2 and 5 times a power of ten.
+        value = duration / (_SHORTEST if duration < _SHORTEST else _LONGEST)
+        power = 10.0 ** np.floor(np.log10(value))
+        steps = np.array([1.0, 2.0, 5.0, 10.0]) * power
+        speed = float(f"{steps[np.argmin(np.abs(np.log(steps / value)))]:.0e}")
     each = 2 * stations_of(links) + _OF_JOINT + (_OF_ARROW if links <= _MOST_ARROWS else 0)
     frames = max(2, min(most // (each * links), round(duration / speed * _MOST_FPS) + 1))
     return np.linspace(0.0, duration, frames), (frames - 1) * speed / duration, speed
-
-
-def _round(value: float) -> float:
-    """Return the nearest of 1, 2 and 5 times a power of ten."""
-    power = 10.0 ** np.floor(np.log10(value))
-    steps = np.array([1.0, 2.0, 5.0, 10.0]) * power
-    return float(f"{steps[np.argmin(np.abs(np.log(steps / value)))]:.0e}")

@@ -43,6 +43,19 @@ def identification_page(engine: Any, result: Identification, title: str, notes: 
     names = result.parameters["parameter"].values.tolist()
     drawn = 1 < len(names) <= _MOST_DRAWN
     matrix = result.parameters["correlation"].values
+    tables = [("Fitted records", result.fit)]
+    if result.validation.sizes["record"]:
+        tables.append(("Validation: records that were not fitted", result.validation))
+    what = "simulated channels"
+    if result.method == "prediction_error":
+        what = "predictions from the samples before"
+    rows = [("Method", result.method.replace("_", " "), "")]
+    rows.append(("Smallest fit", number(float(np.nanmin(result.fit["fit"].values))), "%"))
+    if result.validation.sizes["record"]:
+        smallest = float(np.nanmin(result.validation["fit"].values))
+        rows.append(("Smallest fit, validation", number(smallest), "%"))
+    rows.append(("Parameters", str(result.parameters.sizes["parameter"]), ""))
+    rows.append(("Statements on what is not determined", str(len(result.undetermined)), ""))
     page: str = engine.get_template("identification.html").render(
         title=clean(title),
         notes=clean(notes.strip()),
@@ -50,11 +63,16 @@ def identification_page(engine: Any, result: Identification, title: str, notes: 
         version=clean(result.flexarm_version),
         writer=package_version(),
         warnings=[clean(text) for text in _warnings(result)],
-        figures=_figures(result),
+        figures=rows,
         estimates=_estimates(result),
         matrix=matrix_picture([clean(name) for name in names], matrix) if drawn else "",
-        fits=_fits(result),
-        explained=_explained(result),
+        fits=[Table(title, FIT_HEADS, tuple(fit_rows(table))) for title, table in tables],
+        explained=(
+            f"Fit and tests are those of the {what}. 100 % is perfect, 0 % as good as the mean. "
+            "Whiteness: residuals are not correlated over time. Independence: residuals are not "
+            f"correlated with past inputs. A test fails if its probability is below "
+            f"{SIGNIFICANT:g}."
+        ),
         records=[_record(result, name, table) for name, table in result.histories.items()],
         about=about_arm(result.arm),
         files=[file_item("identified.yaml", file_text(result.arm.spec))],
@@ -80,17 +98,6 @@ def _warnings(result: Identification) -> list[str]:
             "data show; the standard deviations do not contain it."
         )
     return texts
-
-
-def _figures(result: Identification) -> list[tuple[str, str, str]]:
-    rows = [("Method", result.method.replace("_", " "), "")]
-    rows.append(("Smallest fit", number(float(np.nanmin(result.fit["fit"].values))), "%"))
-    if result.validation.sizes["record"]:
-        smallest = float(np.nanmin(result.validation["fit"].values))
-        rows.append(("Smallest fit, validation", number(smallest), "%"))
-    rows.append(("Parameters", str(result.parameters.sizes["parameter"]), ""))
-    rows.append(("Statements on what is not determined", str(len(result.undetermined)), ""))
-    return rows
 
 
 def _estimates(result: Identification) -> list[Table]:
@@ -127,24 +134,6 @@ def _values(title: str, rows: Any, table: xr.Dataset) -> Table:
         interval = f"{number(value - half)} to {number(value + half)}" if np.isfinite(own) else "–"
         made.append((clean(str(name)), start, estimate, deviation, interval, remark))
     return Table(title, (*HEADS[:4], "95 % interval", ""), tuple(made))
-
-
-def _fits(result: Identification) -> list[Table]:
-    tables = [("Fitted records", result.fit)]
-    if result.validation.sizes["record"]:
-        tables.append(("Validation: records that were not fitted", result.validation))
-    return [Table(title, FIT_HEADS, tuple(fit_rows(table))) for title, table in tables]
-
-
-def _explained(result: Identification) -> str:
-    what = "simulated channels"
-    if result.method == "prediction_error":
-        what = "predictions from the samples before"
-    return (
-        f"Fit and tests are those of the {what}. 100 % is perfect, 0 % as good as the mean. "
-        "Whiteness: residuals are not correlated over time. Independence: residuals are not "
-        f"correlated with past inputs. A test fails if its probability is below {SIGNIFICANT:g}."
-    )
 
 
 def _record(result: Identification, name: str, table: xr.Dataset) -> dict[str, str]:

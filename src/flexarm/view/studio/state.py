@@ -73,7 +73,12 @@ def plain_edit(
         kept = {k: v for k, v in content_of(old).items() if k not in old._columns}
         return place, [{**kept, **table_content(value, old)}]
     if word == REMOVE:
-        return _removed(record, place)
+        if not isinstance(place[-1], int):
+            return place, [None]
+        entries = _at(record, place[:-1])
+        kept = content_of((*entries[: place[-1]], *entries[place[-1] + 1 :]))
+        optional = forms_at(record, place[:-1]).optional
+        return place[:-1], [None if optional and not kept else kept]
     if word == WAY:
         return place, [_described(old, value)]
     if word == PRESET:
@@ -113,16 +118,6 @@ def _at(record: Scenario | StudySpec, place: Path) -> Any:
     for part in place:
         value = look(value, part)
     return value
-
-
-def _removed(record: Scenario | StudySpec, place: Path) -> tuple[Path, list[Any]]:
-    """Return the edit that removes an entry of a list, or a value that may be omitted."""
-    if not isinstance(place[-1], int):
-        return place, [None]
-    entries = _at(record, place[:-1])
-    kept = content_of((*entries[: place[-1]], *entries[place[-1] + 1 :]))
-    optional = forms_at(record, place[:-1]).optional
-    return place[:-1], [None if optional and not kept else kept]
 
 
 def _of_other_kind(scenario: Scenario, old: Record, kind: Any) -> list[Any]:

@@ -191,19 +191,16 @@ def _plain(scenario: Scenario, form: Form, length: int, old: Any = None) -> Any:
 def _simple(form: Form, k: int) -> Any:
     """Return the entry k of a list, or for 0 a single value."""
     if form.name == "number":
-        return _number(form, k)
+        bounds = list(form.bounds())
+        lowest = max((bound for bound, below, _ in bounds if below), default=0.0)
+        highest = min((bound for bound, below, _ in bounds if not below), default=math.inf)
+        usual = lowest < 1.0 + k < highest or lowest == 1.0 + k
+        value = (
+            1.0 + k if usual else lowest + (k + 1) / (k + 3) * (min(highest, lowest + 3.0) - lowest)
+        )
+        return int(value) if form.type is int else value
     values: dict[str, Any] = {"pair": [1.0 + k, 0.0], "flag": False, "word": f"name_{k + 1}"}
     return form.words[0] if form.name == "choice" else values[form.name]
-
-
-def _number(form: Form, k: int) -> float:
-    """Return 1, 2, ... if that is within the bounds, else numbers that are."""
-    bounds = list(form.bounds())
-    lowest = max((bound for bound, below, _ in bounds if below), default=0.0)
-    highest = min((bound for bound, below, _ in bounds if not below), default=math.inf)
-    usual = lowest < 1.0 + k < highest or lowest == 1.0 + k
-    value = 1.0 + k if usual else lowest + (k + 1) / (k + 3) * (min(highest, lowest + 3.0) - lowest)
-    return int(value) if form.type is int else value
 
 
 def _stiffness(scenario: Scenario) -> float:
