@@ -59,7 +59,22 @@ class PredictedRun(RecordRun):
     def __init__(
         self, name: str, record: MeasuredRecord, arm: Arm, options: Mapping[str, Any]
     ) -> None:
-        problems = _problems(name, record)
+        settings, problems = record.settings, []
+        with_error = "is not supported with prediction_error"
+        if record.controller is not None:
+            hint = "Use the measured torque as the input."
+            problems.append(Problem("controller", with_error, hint=hint))
+        if settings.prescribed:
+            problems.append(Problem("prescribed", with_error))
+        names = dict.fromkeys(label.channel for label in record.outputs)
+        for channel in names:
+            if channel not in LINEAR_SIGNALS:
+                hint = f"Choose outputs from {', '.join(LINEAR_SIGNALS)}."
+                problems.append(Problem(f"outputs: {channel}", with_error, hint=hint))
+            for item in settings.filters.get(channel, ()):
+                if item.kind not in ("gain", "remove_mean"):
+                    problems.append(Problem(f"filters: {channel}", f"{item.kind} {with_error}"))
+        problems = [replace(problem, where=name) for problem in problems]
         if problems:
             raise InputError(*problems)
         super().__init__(name, record, arm, options)
@@ -194,26 +209,6 @@ class PredictedRun(RecordRun):
             return held
         mean = held.mean(axis=1, keepdims=True)
         return np.asarray(mean + (held - mean) / (1.0 - self._parts**-2))
-
-
-def _problems(name: str, record: MeasuredRecord) -> list[Problem]:
-    """Return what prediction errors do not support."""
-    settings, problems = record.settings, []
-    with_error = "is not supported with prediction_error"
-    if record.controller is not None:
-        hint = "Use the measured torque as the input."
-        problems.append(Problem("controller", with_error, hint=hint))
-    if settings.prescribed:
-        problems.append(Problem("prescribed", with_error))
-    names = dict.fromkeys(label.channel for label in record.outputs)
-    for channel in names:
-        if channel not in LINEAR_SIGNALS:
-            hint = f"Choose outputs from {', '.join(LINEAR_SIGNALS)}."
-            problems.append(Problem(f"outputs: {channel}", with_error, hint=hint))
-        for item in settings.filters.get(channel, ()):
-            if item.kind not in ("gain", "remove_mean"):
-                problems.append(Problem(f"filters: {channel}", f"{item.kind} {with_error}"))
-    return [replace(problem, where=name) for problem in problems]
 
 
 #: First guess of the torque noise, as a fraction of the RMS of the torques.

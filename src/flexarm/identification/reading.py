@@ -185,18 +185,14 @@ def _times(description: RecordFile, table: _Table, names: Mapping[str, str]) -> 
     if missing.size:
         hint = "Omit lines before the header with skip, and lines of text after the samples."
         raise InputError(Problem("time", f"has no number in sample {missing[0] + 1}", hint=hint))
-    return _increasing(times)
-
-
-def _increasing(times: FloatArray) -> FloatArray:
-    """Return times that increase; equal intervals replace those that a file has rounded."""
+    # Equal intervals replace those that a file has rounded.
     uniform = np.linspace(times[0], times[-1], times.size)
     interval = (times[-1] - times[0]) / max(times.size - 1, 1)
-    unit = _last_digit(times)
+    digit = _last_digit(times)
     error = float(np.abs(times - uniform).max())
-    if 1e-6 * interval < error <= unit and unit > _COARSE * interval > 0.0:
+    if 1e-6 * interval < error <= digit and digit > _COARSE * interval > 0.0:
         warn_caller(
-            f"the times are rounded to {unit:g} s; equal intervals of {interval:.6g} s replace "
+            f"the times are rounded to {digit:g} s; equal intervals of {interval:.6g} s replace "
             "them. Give sample_time instead of a column of the time.",
             FlexarmWarning,
         )
@@ -206,8 +202,8 @@ def _increasing(times: FloatArray) -> FloatArray:
         k = int(wrong[0]) + 1
         rule = f"must increase from sample to sample, but sample {k + 1} is at {times[k]:.9g} s"
         hint = "Remove repeated samples, or split the file."
-        if times[k] == times[k - 1] and unit > _COARSE * interval:
-            hint = f"The times are rounded to {unit:g} s. Give sample_time instead, or split gaps."
+        if times[k] == times[k - 1] and digit > _COARSE * interval:
+            hint = f"The times are rounded to {digit:g} s. Give sample_time instead, or split gaps."
         raise InputError(Problem("time", rule, hint=hint))
     return times
 

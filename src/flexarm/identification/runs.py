@@ -77,7 +77,16 @@ class RecordRun:
         )
         self._places = [place_of(arm, label) for label in self.labels]
         self.channels = list(dict.fromkeys(label.channel for label in self.labels))
-        self._drive = self._drive_of_joints()
+        joints, record = self._arm.joints, self.record
+        samples = np.zeros((self.times.size, joints))
+        for label, column in record.inputs.items():
+            samples[:, place_of(self._arm, label)] = column
+        settings = record.settings
+        history = sampled_torque(
+            samples, record.rate, record.duration, joints, record.interpolation
+        )
+        delay = settings.delays.get(record.input, 0.0)
+        self._drive = delayed(history, delay) if delay else history
         self._prescribed = self._prescribed_joints()
         self._angles = self._start_angles()
 
@@ -231,19 +240,6 @@ class RecordRun:
         else:
             return self._drive
         return replace(self._drive, coefficients=self._drive.coefficients * constant)
-
-    def _drive_of_joints(self) -> PiecewiseCubic:
-        """Return the input over time (joints,), with its delay."""
-        joints, record = self._arm.joints, self.record
-        samples = np.zeros((self.times.size, joints))
-        for label, column in record.inputs.items():
-            samples[:, place_of(self._arm, label)] = column
-        settings = record.settings
-        history = sampled_torque(
-            samples, record.rate, record.duration, joints, record.interpolation
-        )
-        delay = settings.delays.get(record.input, 0.0)
-        return delayed(history, delay) if delay else history
 
     def _prescribed_joints(self) -> dict[int, PrescribedAngle]:
         record, settings = self.record, self.record.settings

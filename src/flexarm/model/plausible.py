@@ -163,31 +163,27 @@ def implausible(spec: ArmSpec) -> list[str]:
     findings: list[str] = []
     # Products of numbers near the limits of floats; such arms cannot be assembled either.
     with suppress(OverflowError, ZeroDivisionError):
-        _judge(findings, spec)
+        x, y = spec.gravity
+        judge_fact(findings, "gravity", math.hypot(x, y), "m/s^2")
+        if 9.7 < y <= 10.0 and abs(x) < 0.01 * y:  # upward, and that of the Earth
+            text = f"gravity is [{x:g}, {y:g}] m/s^2, upward: did you mean [{x:g}, {-y:g}]?"
+            findings.append(f"{text} It is right if your y axis points down.")
+        for i, link in enumerate(spec.links):
+            _judge_link(findings, f"links[{i}]", link)
+        if len(spec.links) > 1:
+            _judge_lengths(findings, spec)
+        reach = sum(link.reach for link in spec.links)
+        for i, joint in enumerate(spec.joints):
+            _judge_angles(findings, f"joints[{i}]", joint, reach)
+            _judge_distance(findings, f"joints[{i}].offset", joint.offset, reach)
+        for k, closure in enumerate(spec.closures):
+            _judge_distance(findings, f"closures[{k}].offset", closure.offset, reach)
+            _judge_distance(findings, f"closures[{k}].to_offset", closure.to_offset, reach)
+            _judge_angle(findings, f"closures[{k}].angle", closure.angle, _REST)
+        _judge_distance(findings, "payload.offset", spec.payload.offset, reach, _OFFSET)
+        if not findings:
+            judge_masses(findings, spec)
     return findings
-
-
-def _judge(findings: list[str], spec: ArmSpec) -> None:
-    x, y = spec.gravity
-    judge_fact(findings, "gravity", math.hypot(x, y), "m/s^2")
-    if 9.7 < y <= 10.0 and abs(x) < 0.01 * y:  # upward, and that of the Earth
-        text = f"gravity is [{x:g}, {y:g}] m/s^2, upward: did you mean [{x:g}, {-y:g}]?"
-        findings.append(f"{text} It is right if your y axis points down.")
-    for i, link in enumerate(spec.links):
-        _judge_link(findings, f"links[{i}]", link)
-    if len(spec.links) > 1:
-        _judge_lengths(findings, spec)
-    reach = sum(link.reach for link in spec.links)
-    for i, joint in enumerate(spec.joints):
-        _judge_angles(findings, f"joints[{i}]", joint, reach)
-        _judge_distance(findings, f"joints[{i}].offset", joint.offset, reach)
-    for k, closure in enumerate(spec.closures):
-        _judge_distance(findings, f"closures[{k}].offset", closure.offset, reach)
-        _judge_distance(findings, f"closures[{k}].to_offset", closure.to_offset, reach)
-        _judge_angle(findings, f"closures[{k}].angle", closure.angle, _REST)
-    _judge_distance(findings, "payload.offset", spec.payload.offset, reach, _OFFSET)
-    if not findings:
-        judge_masses(findings, spec)
 
 
 def _judge_link(findings: list[str], at: str, link: Link) -> None:

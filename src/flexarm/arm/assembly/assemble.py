@@ -380,7 +380,14 @@ def _place_tree(
         constants.parent[first] = carrier
         constants.joint_angle[first] = joint.mounting_angle
         _place_joint(constants, slice(first, last + 1), first, joint, np.array(joint.offset))
-    _place_closures(constants, spec, sections)
+    row = 0
+    for closure in spec.closures:
+        first = sections.at(closure.link, closure.station)
+        second = sections.at(closure.to_link, closure.to_station)
+        for kind in ROWS[closure.kind]:
+            constants.ends[row] = kind, first, second
+            constants.closure[row] = *closure.offset, *closure.to_offset, closure.angle
+            row += 1
     # A free arm is one whose momentum only loads and contacts change.
     external = (*spec.base.stiffness, *spec.base.damping, *spec.gravity)
     grounded = any(closure.to_link is None for closure in spec.closures)
@@ -393,18 +400,6 @@ def _place_tree(
     tree = tree or not all(map(_is_zero, constants.place.flat))
     constants.arm[IS_TREE] = float(tree)
     return carriers
-
-
-def _place_closures(constants: ArmConstants, spec: ArmSpec, sections: _Sections) -> None:
-    """Set the rows of closures."""
-    row = 0
-    for closure in spec.closures:
-        first = sections.at(closure.link, closure.station)
-        second = sections.at(closure.to_link, closure.to_station)
-        for kind in ROWS[closure.kind]:
-            constants.ends[row] = kind, first, second
-            constants.closure[row] = *closure.offset, *closure.to_offset, closure.angle
-            row += 1
 
 
 def _is_zero(number: Any) -> bool:

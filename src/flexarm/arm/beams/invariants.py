@@ -447,7 +447,14 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
     gains = h**2 * from_curvature @ curvature
     if table.shear_rigidity is not None:
         flexibility = gains @ gains.transpose(0, 2, 1)
-        flexibility[:, 0, 0] += h**2 * _shear_flexibility(table.shear_rigidity, table, quadrature)
+        # The mean shear angle under unit shear force, a parabola, rad/(N m), adds to the
+        # deflection.
+        basis = np.polynomial.legendre.legvander(2.0 * quadrature.xi - 1.0, 2)
+        weights = quadrature.weights * np.interp(quadrature.points, table.x, table.shear_rigidity)
+        gram = np.zeros((quadrature.elements, 3, 3))
+        products = weights[:, None, None] * basis[:, :, None] * basis[:, None, :]
+        np.add.at(gram, quadrature.element, products)
+        flexibility[:, 0, 0] += h**2 * np.asarray(np.linalg.inv(gram)[:, 0, 0], np.float64)
         gains = np.asarray(np.linalg.cholesky(flexibility), np.float64)
     spread = np.zeros((elements, 2, elements, 2))
     each = np.arange(elements)
@@ -455,18 +462,6 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
     rotation = np.cumsum(spread[:, 1], axis=0)
     deflection = np.cumsum(spread[:, 0] + rotation - spread[:, 1], axis=0)
     return np.stack([deflection, rotation], axis=1).reshape(2 * elements, 2 * elements)
-
-
-def _shear_flexibility(
-    rigidity: FloatArray, table: BeamTable, quadrature: BeamQuadrature
-) -> FloatArray:
-    """Return the mean shear angle (elements,) under unit shear force, a parabola, rad/(N m)."""
-    basis = np.polynomial.legendre.legvander(2.0 * quadrature.xi - 1.0, 2)
-    weights = quadrature.weights * np.interp(quadrature.points, table.x, rigidity)
-    gram = np.zeros((quadrature.elements, 3, 3))
-    products = weights[:, None, None] * basis[:, :, None] * basis[:, None, :]
-    np.add.at(gram, quadrature.element, products)
-    return np.asarray(np.linalg.inv(gram)[:, 0, 0], np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -200,7 +200,16 @@ class _Writer:
         given, n, m = self.filter, self.arm.dof, self.arm.joints
         mass, moving = self._mass(x)
         values = {"q": x[:n], "qd": x[n : 2 * n], "torque": torque, "parameters": mass}
-        after = casadi.vertcat(*self._stepped(with_derivatives(values)))
+        columns = with_derivatives(values)
+        symbols = {name: casadi.MX.sym(name, *one.shape) for name, one in columns.items()}
+        others = {"step": self.filter.sample_time / self.steps, "tip_force": casadi.DM.zeros(3)}
+        of_columns = dynamics_of_columns(self.model, tuple(columns))
+        after = runge_kutta(of_columns, symbols | others)
+        step = casadi.Function("substep", list(symbols.values()), list(after))
+        q, qd, *constant = columns.values()
+        for _ in range(self.steps):
+            q, qd = step(q, qd, *constant)
+        after = casadi.vertcat(q, qd)
         states, by_torque, by_mass = after[:, 1 : 2 * n + 1], after[:, 2 * n + 1 : -1], after[:, -1]
         last = casadi.horzcat(casadi.DM.zeros(1, 2 * n), 1.0)
         F = casadi.vertcat(casadi.horzcat(states, by_mass * moving), last)
@@ -212,18 +221,6 @@ class _Writer:
             grown = casadi.log1p(wandered / moving**2)
             P = P + casadi.diag(casadi.vertcat(casadi.DM.zeros(2 * n), grown))
         return link.after, P, link.G
-
-    def _stepped(self, columns: dict[str, Any]) -> tuple[Any, Any]:
-        """Return columns of q and qd after the steps of a sample time."""
-        symbols = {name: casadi.MX.sym(name, *one.shape) for name, one in columns.items()}
-        others = {"step": self.filter.sample_time / self.steps, "tip_force": casadi.DM.zeros(3)}
-        of_columns = dynamics_of_columns(self.model, tuple(columns))
-        after = runge_kutta(of_columns, symbols | others)
-        step = casadi.Function("substep", list(symbols.values()), list(after))
-        q, qd, *constant = columns.values()
-        for _ in range(self.steps):
-            q, qd = step(q, qd, *constant)
-        return q, qd
 
     def _noisy(self, by_torque: Any) -> Any:
         """Return derivatives by the torque times the deviation of its error."""

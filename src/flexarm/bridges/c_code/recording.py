@@ -116,7 +116,14 @@ def record(export: Exported) -> Recording:
         }
         _record_controller(recording, export, readings)
     if export.observer:
-        _record_observer(recording, export.observer)
+        # The filter has a run of its own, at its sample time.
+        inputs, expected = record_observer(export.observer, SAMPLES)
+        recording.inputs.update(inputs)
+        recording.expected["observer"] = expected
+        rounded = [_rounded(inputs, seed) for seed in range(_ROUNDED_RUNS)]
+        changes = [np.abs(estimates(export.observer.filter, one) - expected) for one in rounded]
+        change, largest = np.max(changes, axis=(0, 1)), np.abs(expected).max(axis=0)
+        recording.tolerance["observer"] = np.maximum(_ROUNDING * largest, _AMPLIFIED * change)
     return recording
 
 
@@ -205,17 +212,6 @@ def _record_controller(data: Recording, export: Exported, readings: dict[str, Fl
     change = np.abs(replay(export.arm, export.controller, _rounded(readings, 0))[1] - torque)
     limit = max(_ROUNDING * np.abs(torque).max(), _AMPLIFIED * change.max())
     data.tolerance["controller"] = np.full(torque.shape[1], limit)
-
-
-def _record_observer(data: Recording, observer: Observer) -> None:
-    """Record the estimates of the filter for a run of its own, at its sample time."""
-    inputs, expected = record_observer(observer, SAMPLES)
-    data.inputs.update(inputs)
-    data.expected["observer"] = expected
-    rounded = [_rounded(inputs, seed) for seed in range(_ROUNDED_RUNS)]
-    changes = [np.abs(estimates(observer.filter, one) - expected) for one in rounded]
-    change, largest = np.max(changes, axis=(0, 1)), np.abs(expected).max(axis=0)
-    data.tolerance["observer"] = np.maximum(_ROUNDING * largest, _AMPLIFIED * change)
 
 
 def _rounded(values: dict[str, FloatArray], seed: int) -> dict[str, FloatArray]:

@@ -125,7 +125,13 @@ def _archive(export: Exported, variables: _Variables, fmi: str) -> bytes:
     content = {"modelDescription.xml": described}
     content |= {f"sources/{file}": text.encode() for file, text in texts.items()}
     if fmi == "3.0":
-        content["sources/buildDescription.xml"] = _build_description(name, sources)
+        root = XML.Element("fmiBuildDescription", fmiVersion="3.0")
+        build = XML.SubElement(root, "BuildConfiguration", modelIdentifier=name)
+        listed = XML.SubElement(build, "SourceFileSet", language="C99")
+        for file in sources:
+            XML.SubElement(listed, "SourceFile", name=file)
+        XML.SubElement(build, "Library", name="m", external="true")
+        content["sources/buildDescription.xml"] = _bytes(root)
     try:
         file, library = compiled(fmi, name, texts, sources)
         content[file] = library
@@ -206,8 +212,26 @@ def _model_description(
     root.set("variableNamingConvention", "flat")
     if two:
         root.set("numberOfEventIndicators", "0")
-    _add_interfaces(root, two, name, sources)
-    _add_units(root, variables)
+    saves = ("canGetAndSetFMUstate", "canSerializeFMUstate")
+    for kind in ("ModelExchange", "CoSimulation"):
+        element = XML.SubElement(root, kind, modelIdentifier=name)
+        for save in saves:
+            element.set(save if two else save.replace("FMUstate", "FMUState"), "true")
+        if kind == "CoSimulation":
+            element.set("canHandleVariableCommunicationStepSize", "true")
+        elif two:
+            element.set("completedIntegratorStepNotNeeded", "true")
+        if two:
+            element.set("canNotUseMemoryManagementFunctions", "true")
+            files = XML.SubElement(element, "SourceFiles")
+            for source in sources:
+                XML.SubElement(files, "File", name=source)
+    units = XML.SubElement(root, "UnitDefinitions")
+    for unit in dict.fromkeys(variable.unit for variable in variables if variable.unit):
+        element = XML.SubElement(units, "Unit", name=unit)
+        if unit in _UNITS:
+            exponents = {key: str(power) for key, power in _UNITS[unit].items()}
+            XML.SubElement(element, "BaseUnit", exponents)
     if two:
         categories = XML.SubElement(root, "LogCategories")
         XML.SubElement(categories, "Category", name="logStatusError")
@@ -228,46 +252,9 @@ def _model_description(
     return _bytes(root)
 
 
-def _build_description(name: str, sources: list[str]) -> bytes:
-    """Return ``buildDescription.xml`` of FMI 3.0."""
-    root = XML.Element("fmiBuildDescription", fmiVersion="3.0")
-    build = XML.SubElement(root, "BuildConfiguration", modelIdentifier=name)
-    files = XML.SubElement(build, "SourceFileSet", language="C99")
-    for source in sources:
-        XML.SubElement(files, "SourceFile", name=source)
-    XML.SubElement(build, "Library", name="m", external="true")
-    return _bytes(root)
-
-
 def _bytes(root: XML.Element) -> bytes:
     XML.indent(root)
     return bytes(XML.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
-
-
-def _add_interfaces(root: XML.Element, two: bool, name: str, sources: list[str]) -> None:
-    saves = ("canGetAndSetFMUstate", "canSerializeFMUstate")
-    for kind in ("ModelExchange", "CoSimulation"):
-        element = XML.SubElement(root, kind, modelIdentifier=name)
-        for save in saves:
-            element.set(save if two else save.replace("FMUstate", "FMUState"), "true")
-        if kind == "CoSimulation":
-            element.set("canHandleVariableCommunicationStepSize", "true")
-        elif two:
-            element.set("completedIntegratorStepNotNeeded", "true")
-        if two:
-            element.set("canNotUseMemoryManagementFunctions", "true")
-            files = XML.SubElement(element, "SourceFiles")
-            for source in sources:
-                XML.SubElement(files, "File", name=source)
-
-
-def _add_units(root: XML.Element, variables: list[_Variable]) -> None:
-    units = XML.SubElement(root, "UnitDefinitions")
-    for name in dict.fromkeys(variable.unit for variable in variables if variable.unit):
-        unit = XML.SubElement(units, "Unit", name=name)
-        if name in _UNITS:
-            exponents = {key: str(power) for key, power in _UNITS[name].items()}
-            XML.SubElement(unit, "BaseUnit", exponents)
 
 
 def _initial(variable: _Variable) -> str:

@@ -7,7 +7,6 @@ for segments that overlap Harris, Proceedings of the IEEE 66 (1978) 51.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -167,7 +166,24 @@ def frequency_response(
     if period is not None and segment is not None:
         raise InputError(Problem("segment", "cannot be combined with period"))
     limits = _check_band(band)
-    inputs, outputs = _signals_of(given)
+    names = list(given)
+    first = given[names[0]]
+    inputs, outputs = list(first.inputs), list(first.outputs)
+    problems = []
+    for name, record in given.items():
+        if record.input == "none":
+            problems.append(Problem(name, "has no torque, current or voltage as its input"))
+        if record.settings.prescribed:
+            problems.append(Problem(name, "has prescribed joints, which are not supported"))
+        if [list(record.inputs), list(record.outputs)] != [inputs, outputs]:
+            problems.append(Problem(name, f"has other channels than {names[0]}"))
+        treated = record.interpolation, record.settings.delays, record.settings.filters
+        if treated != (first.interpolation, first.settings.delays, first.settings.filters):
+            problems.append(Problem(name, f"has other delays or filters than {names[0]}"))
+        if abs(record.rate / first.rate - 1.0) > 1e-6:
+            problems.append(Problem(name, f"has another rate than {names[0]}, {first.rate:g} Hz"))
+    if problems:
+        raise InputError(*problems)
     if period is not None:
         length = check_positive("period", period, "s")
         parts = [_periodic_spectra(record, length, start) for record in given.values()]
@@ -191,29 +207,6 @@ def _check_band(band: ArrayLike | None) -> tuple[float, float]:
     if low > high:
         raise InputError(Problem("band", "be ascending", shown([low, high])))
     return low, high
-
-
-def _signals_of(records: Mapping[str, MeasuredRecord]) -> tuple[list[Label], list[Label]]:
-    """Return the inputs and outputs that all records have, with the same settings."""
-    names = list(records)
-    first = records[names[0]]
-    inputs, outputs = list(first.inputs), list(first.outputs)
-    problems = []
-    for name, record in records.items():
-        if record.input == "none":
-            problems.append(Problem(name, "has no torque, current or voltage as its input"))
-        if record.settings.prescribed:
-            problems.append(Problem(name, "has prescribed joints, which are not supported"))
-        if [list(record.inputs), list(record.outputs)] != [inputs, outputs]:
-            problems.append(Problem(name, f"has other channels than {names[0]}"))
-        treated = record.interpolation, record.settings.delays, record.settings.filters
-        if treated != (first.interpolation, first.settings.delays, first.settings.filters):
-            problems.append(Problem(name, f"has other delays or filters than {names[0]}"))
-        if abs(record.rate / first.rate - 1.0) > 1e-6:
-            problems.append(Problem(name, f"has another rate than {names[0]}, {first.rate:g} Hz"))
-    if problems:
-        raise InputError(*problems)
-    return inputs, outputs
 
 
 def _estimate(

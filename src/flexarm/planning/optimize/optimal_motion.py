@@ -343,24 +343,20 @@ class _Correction:
         last = np.concatenate([run.q.values[-1], run.qd.values[-1]])
         return run, self._rows @ (last - self._goal)
 
-    def _jacobian(self, torque: FloatArray) -> FloatArray:
-        """Return the derivatives (2 m, size of the torques) of the error."""
+    def _change(self, torque: FloatArray, error: FloatArray) -> FloatArray | None:
+        """Return the least change of the torques within limits that removes a linear error."""
+        import casadi
+
         plan, dof = self._given, self._task.arm.dof
-        found = []
+        gradients = []
         for row in self._rows:
             weights = {name: np.zeros((plan.intervals + 1, dof)) for name in ("q", "qd")}
             weights["q"][-1], weights["qd"][-1] = row[:dof], row[dof:]
             rate = plan.intervals / plan.duration
             arguments = {"torque": torque, "rate": rate, "error_estimate": False, **self._options}
             gradient = goal_gradient(self._task.arm, plan.duration, weights, **arguments)
-            found.append(gradient.torque.values.ravel())
-        return np.array(found)
-
-    def _change(self, torque: FloatArray, error: FloatArray) -> FloatArray | None:
-        """Return the least change of the torques within limits that removes a linear error."""
-        import casadi
-
-        task, J = self._task, self._jacobian(torque)
+            gradients.append(gradient.torque.values.ravel())
+        task, J = self._task, np.array(gradients)
         lower, upper = -task.torque - torque, task.torque - torque
         if task.continuous:  # the torque of rest at both ends
             lower[[0, -1]] = upper[[0, -1]] = 0.0

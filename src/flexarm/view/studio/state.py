@@ -85,7 +85,10 @@ def plain_edit(
         return place, [value if value in MATERIALS else explicit(old)]
     forms = forms_at(record, place)
     if word == KIND and isinstance(old, Record) and not forms.kinds:
-        return place, _of_other_kind(scenario, old, value)
+        # Another required kind may need a number more or less.
+        kept = {**content_of(old), KIND: value}
+        fewer = [{k: v for k, v in kept.items() if k != name} for name in kept if name != KIND]
+        return place, [kept, {**new_record(scenario, type(old)), **kept}, *fewer]
     if word == KIND:
         omitted = forms.optional and value not in [form.kind for form in forms.kinds]
         if omitted and value == "none":
@@ -118,13 +121,6 @@ def _at(record: Scenario | StudySpec, place: Path) -> Any:
     for part in place:
         value = look(value, part)
     return value
-
-
-def _of_other_kind(scenario: Scenario, old: Record, kind: Any) -> list[Any]:
-    """Return a record with another required kind, with a number more or less if that needs it."""
-    kept = {**content_of(old), KIND: kind}
-    fewer = [{k: v for k, v in kept.items() if k != name} for name in kept if name != KIND]
-    return [kept, {**new_record(scenario, type(old)), **kept}, *fewer]
 
 
 def _in_form(scenario: Scenario, forms: Forms, name: str, old: Any) -> list[Any]:
