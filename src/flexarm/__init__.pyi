@@ -146,9 +146,9 @@ from .planning.learning.iterative import LearnedMotion as LearnedMotion
 from .planning.learning.iterative import iterative_learning as iterative_learning
 from .planning.optimize.excitation import OptimalExcitation as OptimalExcitation
 from .planning.optimize.excitation import optimal_excitation as optimal_excitation
+from .planning.optimize.optimal_motion import OptimalMotion as OptimalMotion
+from .planning.optimize.optimal_motion import OptimizationError as OptimizationError
 from .planning.optimize.optimal_motion import optimal_motion as optimal_motion
-from .planning.optimize.solution import OptimalMotion as OptimalMotion
-from .planning.optimize.solution import OptimizationError as OptimizationError
 from .planning.optimize.task import MotionLimits as MotionLimits
 from .planning.proposals.design import ControllerDesign as ControllerDesign
 from .planning.proposals.design import design as design

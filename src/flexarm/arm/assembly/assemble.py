@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
+from flexarm.arm.beams.assembly import interpolation_error
 from flexarm.arm.beams.invariants import inverse_inertia
-from flexarm.arm.beams.properties import interpolation_error
 from flexarm.base.errors import InputError
 from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS, IS_FREE, IS_TREE
 from flexarm.kernels.layout import ArmConstants, empty_constants

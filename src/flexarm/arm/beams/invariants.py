@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 
 from flexarm.arm.beams.assembly import (
     BeamMatrices,
+    BeamQuadrature,
+    BeamTable,
+    FloatArray,
     beam_matrices,
+    beam_quadrature,
     interior_shapes,
     interior_values,
     nodal_rotations,
@@ -20,7 +24,6 @@ from flexarm.arm.beams.assembly import (
     product_integral,
     shear_parameters,
 )
-from flexarm.arm.beams.properties import BeamQuadrature, BeamTable, FloatArray, beam_quadrature
 from flexarm.base.errors import InputError, Problem, check_array, shown
 
 #: Dimensions up to this size, and down to its inverse, have powers within the range of floats.

@@ -133,14 +133,14 @@ def exported(
 
 def _texts(export: Exported) -> dict[str, str]:
     """Return the content of the files, by name."""
-    from flexarm.bridges.c_code.programs import (
+    from flexarm.bridges.c_code.recording import (
         makefile,
         packet_layout,
         program,
+        record,
         recorded_arrays,
         udp_program,
     )
-    from flexarm.bridges.c_code.recording import record
     from flexarm.bridges.c_code.source import header, source
 
     name, recording = export.name, record(export)
