@@ -23,19 +23,7 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.control.contract.base import Controller, Reference
-from flexarm.identification.record import (
-    FEWEST,
-    MEASURED,
-    Label,
-    MeasuredRecord,
-    check_label,
-    dataset_of,
-    factor_of,
-    is_number,
-    label_of,
-    split_unit,
-    without_phase,
-)
+from flexarm.identification import record
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
@@ -69,7 +57,7 @@ def read_record(
     reference: Reference | None = None,
     hardware: Hardware | None = None,
     **settings: Any,
-) -> MeasuredRecord:
+) -> record.MeasuredRecord:
     """Read a record of measurements from a .csv, .mat, .nc or .parquet file.
 
     Args:
@@ -117,38 +105,40 @@ def record_of_file(
     controller: Controller | None = None,
     reference: Reference | None = None,
     hardware: Hardware | None = None,
-) -> MeasuredRecord:
+) -> record.MeasuredRecord:
     """Read the record of a description from a file; the path in the description is not used."""
     table = _read_table(file, description.encoding, description.skip)
-    names = {split_unit(header)[0]: header for header in table}
+    names = {record.split_unit(header)[0]: header for header in table}
     columns = _columns(description, table, names)
     times, columns = _uniform(description, _times(description, table, names), columns)
     fields = {name: getattr(description, name) for name in RecordSettings.model_fields}
     chosen = RecordSettings(**fields)
-    data = dataset_of(times, columns).assign_attrs(_attributes_of(file))
-    return MeasuredRecord(
+    data = record.dataset_of(times, columns).assign_attrs(_attributes_of(file))
+    return record.MeasuredRecord(
         data, chosen, controller=controller, reference=reference, hardware=hardware
     )
 
 
 def _columns(
     description: RecordFile, table: _Table, names: Mapping[str, str]
-) -> dict[Label, FloatArray]:
+) -> dict[record.Label, FloatArray]:
     """Return the measured columns in SI units; none of them is without numbers."""
-    columns: dict[Label, FloatArray] = {}
+    columns: dict[record.Label, FloatArray] = {}
     problems: list[Problem] = []
-    chosen = description.channels or {name: Column(column=name) for name in names if label_of(name)}
+    chosen = description.channels or {
+        name: Column(column=name) for name in names if record.label_of(name)
+    }
     if not chosen:
         hint = f"Columns: {', '.join(list(table)[:20])}."
         raise InputError(Problem("channels", "is required: no column is a channel", hint=hint))
     for text, column in chosen.items():
         place = f"channels.{text}"
         try:
-            label = check_label("channels", text)
+            label = record.check_label("channels", text)
             header = _header(place, column.column, table, names)
-            unit = column.unit or split_unit(header)[1]
-            si = MEASURED[label.channel].unit
-            factor = factor_of(place, unit, si) if unit else 1.0
+            unit = column.unit or record.split_unit(header)[1]
+            si = record.MEASURED[label.channel].unit
+            factor = record.factor_of(place, unit, si) if unit else 1.0
         except InputError as error:
             problems += error.problems
             continue
@@ -179,8 +169,8 @@ def _times(description: RecordFile, table: _Table, names: Mapping[str, str]) -> 
         hint = f"Columns: {', '.join(list(table)[:20])}."
         raise InputError(Problem("time", "or sample_time is required", hint=hint))
     header = _header("time", name, table, names)
-    unit = description.time_unit or split_unit(header)[1]
-    times = table[header] * (factor_of("time", unit, "s") if unit else 1.0)
+    unit = description.time_unit or record.split_unit(header)[1]
+    times = table[header] * (record.factor_of("time", unit, "s") if unit else 1.0)
     missing = np.flatnonzero(~np.isfinite(times))
     if missing.size:
         hint = "Omit lines before the header with skip, and lines of text after the samples."
@@ -219,8 +209,8 @@ def _last_digit(times: FloatArray) -> float:
 
 
 def _uniform(
-    description: RecordFile, times: FloatArray, columns: dict[Label, FloatArray]
-) -> tuple[FloatArray, dict[Label, FloatArray]]:
+    description: RecordFile, times: FloatArray, columns: dict[record.Label, FloatArray]
+) -> tuple[FloatArray, dict[record.Label, FloatArray]]:
     """Return uniform times from 0 and the columns at them."""
     for label, column in columns.items():
         if column.size != times.size:
@@ -231,14 +221,14 @@ def _uniform(
     margin = 1e-9 * float(np.ptp(times))  # of rounded times
     inside = (times >= first - margin) & (times <= last + margin)
     times = times[inside]
-    if times.size < FEWEST:
-        rule = f"has fewer than {FEWEST} samples between start and end"
+    if times.size < record.FEWEST:
+        rule = f"has fewer than {record.FEWEST} samples between start and end"
         raise InputError(Problem("the record", rule))
     typical = float(np.median(np.diff(times)))
     rate = description.rate or _rounded(1.0 / typical)
     samples = (times[-1] - times[0]) * rate * (1 + 1e-9) + 1e-6 + 1.0
-    if not FEWEST <= samples <= MOST_SAMPLES:
-        rule = f"have {FEWEST} to {MOST_SAMPLES:.0e} samples"
+    if not record.FEWEST <= samples <= MOST_SAMPLES:
+        rule = f"have {record.FEWEST} to {MOST_SAMPLES:.0e} samples"
         raise InputError(Problem("the record", rule, f"{samples:.3g} at {rate:g} Hz"))
     count = int(samples)
     grid = times[0] + np.arange(count) / rate
@@ -251,7 +241,7 @@ def _uniform(
             uniform = np.linspace(times[0], times[-1], times.size)
             filled = np.interp(uniform, times[good], values[good])
             given = (times.size - 1) / (times[-1] - times[0])
-            smooth = without_phase(filled, _ANTI_ALIAS * rate, given, 4)
+            smooth = record.without_phase(filled, _ANTI_ALIAS * rate, given, 4)
             values = np.where(good, np.interp(times, uniform, smooth), np.nan)
         resampled[label] = _interpolated(grid, times, values, typical)
     return grid - times[0], resampled
@@ -329,7 +319,8 @@ def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
     cells = [[cell.strip() for cell in line.split(mark)] for line in lines[:3]]
     units: list[str] = []
     numeric = [
-        any(is_number(cell.strip('"').replace(decimal, ".")) for cell in row) for row in cells
+        any(record.is_number(cell.strip('"').replace(decimal, ".")) for cell in row)
+        for row in cells
     ]
     if numeric == [False, False, True]:
         units = [cell.strip('"[]() ') for cell in cells[1]]
@@ -343,7 +334,7 @@ def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
     )
     if len(units) == len(frame.columns):
         frame.columns = [
-            f"{name} [{unit}]" if unit not in _UNITLESS and not split_unit(name)[1] else name
+            f"{name} [{unit}]" if unit not in _UNITLESS and not record.split_unit(name)[1] else name
             for name, unit in zip(map(str, frame.columns), units, strict=True)
         ]
     return _of_frame(frame)

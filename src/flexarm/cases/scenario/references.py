@@ -20,16 +20,8 @@ from flexarm.linear.bent_references import (
     pressed_motion,
     quasi_static_reference,
 )
-from flexarm.model import Scenario
+from flexarm.model import Scenario, drives
 from flexarm.model.arm.spec import UNDRIVEN
-from flexarm.model.drives import (
-    ControllerDrive,
-    FlexibleTorqueDrive,
-    IntegralManifoldDrive,
-    QuasiStaticDrive,
-    RigidInverseDynamicsDrive,
-    TipInversionDrive,
-)
 from flexarm.model.environment import RoundWall, Surface, Wall
 from flexarm.model.scenarios.motions import ForceTable, PlainMotionSpec, PressedMotionSpec
 from flexarm.motion import (
@@ -141,7 +133,7 @@ class Followed:
     initial: FloatArray | None = None
 
 
-def reference_of(arm: Arm, drive: ControllerDrive, motion: TaskReference | None) -> Followed:
+def reference_of(arm: Arm, drive: drives.ControllerDrive, motion: TaskReference | None) -> Followed:
     """Return the reference that a controller follows along a motion.
 
     Raises:
@@ -176,14 +168,14 @@ def torque_of(arm: Arm, drive: Any, motion: Motion) -> Followed:
         InputError, SimulationError, InversionError: if the torque does not exist.
     """
     match drive:
-        case RigidInverseDynamicsDrive():
+        case drives.RigidInverseDynamicsDrive():
             return _rigid(arm, motion)
-        case QuasiStaticDrive() | IntegralManifoldDrive():
+        case drives.QuasiStaticDrive() | drives.IntegralManifoldDrive():
             return _quasi_static(arm, motion, drive.kind)
-        case FlexibleTorqueDrive():
+        case drives.FlexibleTorqueDrive():
             torque = flexible_torque(arm, motion)
             return Followed(motion, drive.kind, torque, torque.initial)
-    assert isinstance(drive, TipInversionDrive)
+    assert isinstance(drive, drives.TipInversionDrive)
     options = {name: getattr(drive, name) for name in type(drive).model_fields if name != "kind"}
     inverse = tip_inversion(arm, motion, **options)
     return Followed(motion, drive.kind, inverse.torque, inverse.initial)

@@ -30,6 +30,7 @@ from flexarm.motion import Motion
 from flexarm.motion.dynamics.dynamics_along import MotionTorque
 from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
 from flexarm.motion.motion import JointState, TabulatedMotion, check_motion, quintic_table
+from flexarm.planning.optimize import transcription
 from flexarm.planning.optimize.task import (
     OBJECTIVES,
     UNITS,
@@ -39,14 +40,6 @@ from flexarm.planning.optimize.task import (
     Quantities,
     Task,
     task_of,
-)
-from flexarm.planning.optimize.transcription import (
-    Answer,
-    Transcription,
-    plan_of,
-    shaped_guess,
-    states_of,
-    straight_motion,
 )
 from flexarm.simulation.batch.reductions import Reduction, reduced
 from flexarm.simulation.calls.result import make_result
@@ -363,10 +356,10 @@ def optimal_motion(
     own = None if guess is None else check_motion(guess, arm)
     with one_warning() as bent:
         task = task_of(arm, begin, goal, objective, limits, given, count)
-        straight = straight_motion(task) if own is None else own
+        straight = transcription.straight_motion(task) if own is None else own
         pieces = pieces or _default_intervals(task, straight.duration)
-        first = shaped_guess(task, straight) if own is None else own
-        plan = plan_of(task, first, min(pieces, _COARSE))
+        first = transcription.shaped_guess(task, straight) if own is None else own
+        plan = transcription.plan_of(task, first, min(pieces, _COARSE))
         optimum = _within_limits(task, plan, plant, pieces, iterations)
     warn_of_first(bent)
     return optimum
@@ -397,7 +390,7 @@ def _within_limits(
     total = 0
     margins = [np.zeros(bound.lower.shape) for bound in task.bounds]
     slack = [task.slack(bound) for bound in task.bounds]
-    problem = Transcription(task, plan, iterations, near=False)
+    problem = transcription.Transcription(task, plan, iterations, near=False)
     for _ in range(_ROUNDS):
         answer = problem.solve(plan, margins)
         total += answer.iterations
@@ -419,7 +412,7 @@ def _within_limits(
             # The start and the end, which may be on a bound, must remain within narrower ones.
             margins = [np.minimum(w, s) for w, s in zip(wider, slack, strict=True)]
         plan = plan.refined(intervals, task.continuous)
-        problem = Transcription(task, plan, iterations, near=True)
+        problem = transcription.Transcription(task, plan, iterations, near=True)
     for bound, most in zip(task.bounds, over, strict=True):
         if most > _ACCEPTED:
             reason = f"the full model exceeds the limit {bound.name!r} by {100.0 * most:.2g} %"
@@ -458,7 +451,7 @@ def _misses(task: Task, plan: Plan, run: xr.Dataset) -> bool:
     return error > _MISSED * task.arm.reach
 
 
-def _not_converged(task: Task, answer: Answer) -> OptimizationError:
+def _not_converged(task: Task, answer: transcription.Answer) -> OptimizationError:
     """Return the error for an iterate that is not a solution."""
     reason = (
         f"IPOPT stopped with {answer.status} after {answer.iterations} iterations; the largest "
@@ -533,7 +526,9 @@ class _Correction:
                 break
         if np.abs(error).max() > _CLOSE:
             return self._given
-        q, slope, curve = states_of(run, 0.0, self._given.duration, self._given.intervals)
+        q, slope, curve = transcription.states_of(
+            run, 0.0, self._given.duration, self._given.intervals
+        )
         return replace(self._given, q=q, slope=slope, curve=curve, torque=self._pieces(torque))
 
     def _pieces(self, torque: FloatArray) -> FloatArray:

@@ -20,14 +20,8 @@ from flexarm.identification.result import (
 )
 from flexarm.model.file_format.files import file_text
 from flexarm.simulation.calls.result import package_version
+from flexarm.view.plot import fits
 from flexarm.view.plot.animation.scene import style
-from flexarm.view.plot.fits import (
-    Correlation,
-    FittedChannel,
-    correlations_picture,
-    fit_picture,
-    matrix_picture,
-)
 from flexarm.view.reporting import Table, clean, file_item, number, text_of
 
 #: Factor on a standard deviation: 99 % of normal numbers.
@@ -65,7 +59,7 @@ def identification_page(engine: Any, result: Identification, title: str, notes: 
         warnings=[clean(text) for text in _warnings(result)],
         figures=rows,
         estimates=_estimates(result),
-        matrix=matrix_picture([clean(name) for name in names], matrix) if drawn else "",
+        matrix=fits.matrix_picture([clean(name) for name in names], matrix) if drawn else "",
         fits=[Table(title, FIT_HEADS, tuple(fit_rows(table))) for title, table in tables],
         explained=(
             f"Fit and tests are those of the {what}. 100 % is perfect, 0 % as good as the mean. "
@@ -145,27 +139,27 @@ def _record(result: Identification, name: str, table: xr.Dataset) -> dict[str, s
         one = table.sel(channel=channel)
         measured, simulated = one["measured"].values, one["simulated"].values
         unit = str(one["unit"].values)
-        channels.append(FittedChannel(clean(channel), unit, times, measured, simulated))
+        channels.append(fits.FittedChannel(clean(channel), unit, times, measured, simulated))
         rows.append(_correlations(clean(channel), times, measured - simulated, table))
     return {
         "title": clean(name) + ("" if fitted else ", not fitted"),
-        "fit": fit_picture(channels, word),
-        "correlations": correlations_picture(rows),
+        "fit": fits.fit_picture(channels, word),
+        "correlations": fits.correlations_picture(rows),
     }
 
 
 def _correlations(
     channel: str, times: np.ndarray, missed: np.ndarray, table: xr.Dataset
-) -> list[Correlation]:
+) -> list[fits.Correlation]:
     """Return the correlations of the residuals of a channel with themselves and with inputs."""
     valid = np.isfinite(missed)
     residuals = np.where(valid, missed - missed[valid].mean(), 0.0)
     lags = times[: LAGS + 1] - times[0]
     own, _ = correlation_of(residuals, valid, lags.size - 1)
     bound = _BAND / np.sqrt(valid.sum())
-    panels = [Correlation(f"{channel}, own", lags[1:], own[1:], bound)]
+    panels = [fits.Correlation(f"{channel}, own", lags[1:], own[1:], bound)]
     for name in table["input"].values:
         signal = table["driven"].sel(input=name).values
         crossed, deviation = cross_correlation(residuals, valid, signal, lags.size - 1)
-        panels.append(Correlation(f"with {name}", lags, crossed, _BAND * deviation))
+        panels.append(fits.Correlation(f"with {name}", lags, crossed, _BAND * deviation))
     return panels

@@ -17,7 +17,7 @@ from flexarm.base.errors import FlexarmError
 from flexarm.cases.scenario.references import motion_of
 from flexarm.control.design.arm_scales import arm_scales
 from flexarm.linear import modes
-from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario
+from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario, environment
 from flexarm.model.arm.joints import Friction, JointLimits, Winding
 from flexarm.model.arm.links import (
     Box,
@@ -30,18 +30,6 @@ from flexarm.model.arm.links import (
 )
 from flexarm.model.checks import Record, descriptions_of
 from flexarm.model.drives import DRIVES, TorqueDrive
-from flexarm.model.environment import (
-    PAYLOAD_MASS,
-    AccelerationTable,
-    Change,
-    Contact,
-    FactorTable,
-    Load,
-    RoundWall,
-    SurfaceTable,
-    ValueTable,
-    Wall,
-)
 from flexarm.model.file_format.files import content_of
 from flexarm.model.scenarios.motions import ForceTable, SmoothingSpec
 from flexarm.model.scenarios.scenario import (
@@ -229,7 +217,7 @@ def _load(scenario: Scenario, old: Any) -> dict[str, Any]:
 def _change(scenario: Scenario, old: Any) -> dict[str, Any]:
     mass = scenario.arm.payload.mass
     half = short(0.5 * scenario.run.duration)
-    return {"path": PAYLOAD_MASS, "at": half, "to": short(2.0 * mass or 0.1)}
+    return {"path": environment.PAYLOAD_MASS, "at": half, "to": short(2.0 * mass or 0.1)}
 
 
 def _number_of(old: Any) -> float:
@@ -238,7 +226,7 @@ def _number_of(old: Any) -> float:
 
 def _contact(scenario: Scenario, old: Any) -> dict[str, Any]:
     return {
-        "surface": new_record(scenario, Wall),
+        "surface": new_record(scenario, environment.Wall),
         "stiffness": short(_HARDER * _stiffness(scenario)),
         "damping": 1.0,
     }
@@ -324,19 +312,22 @@ def _section(record: type[Record]) -> Callable[[Scenario, Any], dict[str, Any]]:
 
 #: Starting values of fields of a record, for a scenario and the value to replace.
 _STARTS: dict[type[Record], Callable[[Scenario, Any], dict[str, Any]]] = {
-    Load: _load,
-    FactorTable: lambda of, _: {"times": _times(of, 3), "values": [0.0, 1.0, 1.0]},
-    AccelerationTable: lambda of, old: {
+    environment.Load: _load,
+    environment.FactorTable: lambda of, _: {"times": _times(of, 3), "values": [0.0, 1.0, 1.0]},
+    environment.AccelerationTable: lambda of, old: {
         "times": _times(of, 3),
         "values": [[0.0, 0.0], list(old or (1.0, 0.0)), [0.0, 0.0]],
     },
     ForceTable: lambda of, old: {"times": _times(of, 2), "values": [old or 1.0] * 2},
-    Change: _change,
-    ValueTable: lambda of, old: {"times": _times(of, 2), "values": [_number_of(old)] * 2},
-    Contact: _contact,
-    Wall: _wall,
-    RoundWall: _post,
-    SurfaceTable: _floor,
+    environment.Change: _change,
+    environment.ValueTable: lambda of, old: {
+        "times": _times(of, 2),
+        "values": [_number_of(old)] * 2,
+    },
+    environment.Contact: _contact,
+    environment.Wall: _wall,
+    environment.RoundWall: _post,
+    environment.SurfaceTable: _floor,
     Gauge: lambda of, _: {"station": 0.0, "distance": 0.005},
     Friction: lambda of, _: {"coulomb": 0.1},
     JointLimits: _limits,
