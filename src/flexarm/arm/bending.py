@@ -121,10 +121,8 @@ class BendingErrors:
 
 
 def _paths(arm: Arm) -> list[tuple[list[int], list[float]]]:
-    """Return the links from the base to each tip, and the lengths (m) beyond the tip of each.
-
-    A rotated link also displaces everything beyond its tip.
-    """
+    """Return the links from the base to each tip, and the lengths (m) beyond the tip of each."""
+    # A rotated link also displaces everything beyond its tip.
     spec = arm.spec
     paths = []
     for end in sorted(set(range(arm.links)) - set(spec.parents)):

@@ -39,10 +39,8 @@ class Cut:
 
 
 def place_stations(arm: Coordinates, count: int) -> layout.Stations:
-    """Divide each link evenly by ``count`` stations, including root and tip: (links * count,).
-
-    A station between two segments is the tip of the inboard one.
-    """
+    """Divide each link evenly by ``count`` stations, including root and tip: (links * count,)."""
+    # A station between two segments is the tip of the inboard one.
     m, g = arm.assembly.modes, arm.assembly.constants.D0.shape[1]
     total = arm.links * count
     placed = layout.Stations(

@@ -73,10 +73,9 @@ def parameters_of(problem: FitProblem, fit: Fit) -> tuple[xr.Dataset, xr.Dataset
 def _information_of(
     problem: FitProblem, fit: Fit
 ) -> tuple[list[Column], FloatArray, NDArray[np.bool_]]:
-    """Return weighted residuals with derivatives, inverse variances of priors, and physical slots.
-
-    The columns are those of all channels of all records; slots of initial states are not physical.
-    """
+    """Return weighted residuals with derivatives, inverse variances of priors, and physical slots."""
+    # The columns are those of all channels of all records; slots of initial states are not
+    # physical.
     columns = []
     derivatives = problem.derivatives(fit.vector)
     for k, (run, outputs, slope) in enumerate(

@@ -271,12 +271,10 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
 def _minimum(
     problem: FitProblem, scaled: FloatArray, loss: str, iterations: int, precision: float
 ) -> tuple[FloatArray, bool, int]:
-    """Return the changes with the smallest residuals, whether the search converged, evaluations.
-
-    The reflective trust-region method of SciPy shortens a step whose residuals are infinite. It
-    cannot go on from a vector without derivatives, so the search ends at the vector before.
-    FitFailure if the start has no derivatives.
-    """
+    """Return the changes with the smallest residuals, whether the search converged, evaluations."""
+    # The reflective trust-region method of SciPy shortens a step whose residuals are infinite. It
+    # cannot go on from a vector without derivatives, so the search ends at the vector before.
+    # FitFailure if the start has no derivatives.
     from scipy.optimize import least_squares
 
     lower, upper = (problem.scaled(bound) for bound in problem.space.bounds)
@@ -418,11 +416,9 @@ def _by_differences(
     chosen: Sequence[int],
     derivatives: FloatArray,
 ) -> FloatArray | str:
-    """Fill the derivatives by central differences, or return why the run at ``vector`` fails.
-
-    They are one-sided at a bound, or where one of both runs fails, and zero where both fail, so
-    that no step goes in that direction.
-    """
+    """Fill the derivatives by central differences, or return why the run at ``vector`` fails."""
+    # They are one-sided at a bound, or where one of both runs fails, and zero where both fail, so
+    # that no step goes in that direction.
     lower, upper = space.bounds
     cases: list[Case] = [space.case(record, vector)]
     steps: list[tuple[int, float]] = []

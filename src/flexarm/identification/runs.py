@@ -205,11 +205,9 @@ class RecordRun:
         return self.changes({name: values[..., None] for name, values in channels.items()})[..., 0]
 
     def changes(self, channels: Mapping[str, FloatArray]) -> FloatArray:
-        """Return the outputs (samples, channels, n) for channels (samples, ..., n).
-
-        The way from a channel to an output is linear: n derivatives of the channels give those of
-        the outputs.
-        """
+        """Return the outputs (samples, channels, n) for channels (samples, ..., n)."""
+        # The way from a channel to an output is linear: n derivatives of the channels give those of
+        # the outputs.
         columns = []
         for label, place, path in zip(self.labels, self._places, self._paths, strict=True):
             values = channels[label.channel]

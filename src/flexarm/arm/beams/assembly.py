@@ -79,11 +79,9 @@ class BeamQuadrature:
 
 
 def beam_quadrature(breakpoints: FloatArray, elements: int) -> BeamQuadrature:
-    """Return points and weights that integrate polynomials of degree 7 exactly on every piece.
-
-    A piece lies between adjacent element ends or breakpoints (p,) m of the tables, so that shape
-    functions and tables are polynomials inside it.
-    """
+    """Return points and weights that integrate polynomials of degree 7 exactly on every piece."""
+    # A piece lies between adjacent element ends or breakpoints (p,) m of the tables, so that shape
+    # functions and tables are polynomials inside it.
     ends = np.linspace(0.0, breakpoints[-1], elements + 1)
     edges = np.union1d(ends, breakpoints)
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
@@ -352,11 +350,9 @@ def _all_rows(quadrature: BeamQuadrature, local: FloatArray) -> tuple[npt.NDArra
 
 
 def shear_parameters(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
-    """Return Phi_s = 12 EI / (k G A h^2) of each element (elements,), from its mean rigidities.
-
-    Zero for an Euler-Bernoulli beam. The mean affects the shapes only: energies are integrated
-    over the table itself.
-    """
+    """Return Phi_s = 12 EI / (k G A h^2) of each element (elements,), from its mean rigidities."""
+    # Zero for an Euler-Bernoulli beam. The mean affects the shapes only: energies are integrated
+    # over the table itself.
     if table.shear_rigidity is None:
         return np.zeros(quadrature.elements)
     bending, shear = (
@@ -396,10 +392,8 @@ def rotation_shapes(xi: FloatArray, length: float, angles: FloatArray) -> FloatA
 
 
 def _interior_deflection(xi: FloatArray, length: float, derivative: int = 0) -> FloatArray:
-    """Evaluate v of an element's three interior shapes at xi (k,), or its slope v': (k, 3).
-
-    They are the parabola h xi (1 - xi), the cubic h xi (1 - xi)(1 - 2 xi), and zero.
-    """
+    """Evaluate v of an element's three interior shapes at xi (k,), or its slope v': (k, 3)."""
+    # They are the parabola h xi (1 - xi), the cubic h xi (1 - xi)(1 - 2 xi), and zero.
     zero, bump = np.zeros_like(xi), xi * (1.0 - xi)
     if derivative == 0:
         return length * np.stack([bump, bump * (1.0 - 2.0 * xi), zero], axis=1)
@@ -527,11 +521,10 @@ def interior_values(
 def _inertia_forces(
     table: BeamTable, quadrature: BeamQuadrature, local: _PointShapes
 ) -> FloatArray:
-    """Return F (3 * elements, 2 * elements): inertia of each element's mean acceleration.
-
-    If rotary inertia is negligible, F vanishes. Otherwise the response would cancel the deflection
-    that node rotations cause in soft elements, and then these rotations would have no inertia.
-    """
+    """Return F (3 * elements, 2 * elements): inertia of each element's mean acceleration."""
+    # If rotary inertia is negligible, F vanishes. Otherwise the response would cancel the
+    # deflection that node rotations cause in soft elements, and then these rotations would have no
+    # inertia.
     elements = quadrature.elements
     mass, rotary = (
         np.interp(quadrature.points, table.x, column)

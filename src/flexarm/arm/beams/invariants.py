@@ -281,12 +281,10 @@ def _over(matrix: FloatArray, shapes: FloatArray) -> FloatArray:
 def _left_of_rigid_motion(
     quadrature: BeamQuadrature, translation: FloatArray, rotation: FloatArray
 ) -> FloatArray:
-    """Return the residuals (n + 2 + k, 2) of unit rigid motions, with the root's pair first.
-
-    The arguments (n + k,) are the values of their best approximation by the shapes. With the full
-    finite element model the residual decays within a few elements of the root. It is so small that
-    differences of integrals (int mu x^2 - a.a) would lose it.
-    """
+    """Return the residuals (n + 2 + k, 2) of unit rigid motions, with the root's pair first."""
+    # The arguments (n + k,) are the values of their best approximation by the shapes. With the full
+    # finite element model the residual decays within a few elements of the root. It is so small
+    # that differences of integrals (int mu x^2 - a.a) would lose it.
     nodes = np.arange(quadrature.elements + 1) * quadrature.element_length
     left = np.zeros((2 + translation.size, 2))
     rigid = left[: 2 * nodes.size]
@@ -402,11 +400,9 @@ def _mass_factor(mass: FloatArray) -> FloatArray:
 
 
 def _craig_bampton(motion: FloatArray, strain_to_nodal: FloatArray, modes: int) -> FloatArray:
-    """Return orthonormal strain coordinates z (n, m) of the reduced shapes.
-
-    The strain of a tip force is the transposed tip row of F, and shapes with a clamped tip are
-    orthogonal to it, so that one orthogonal matrix contains both.
-    """
+    """Return orthonormal strain coordinates z (n, m) of the reduced shapes."""
+    # The strain of a tip force is the transposed tip row of F, and shapes with a clamped tip are
+    # orthogonal to it, so that one orthogonal matrix contains both.
     split, _ = np.linalg.qr(strain_to_nodal[-2:].T, mode="complete")
     static, clamped = split[:, : min(modes, 2)], split[:, 2:]
     if modes <= 2:

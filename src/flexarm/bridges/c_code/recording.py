@@ -175,10 +175,8 @@ def _record_arm(data: Recording, export: Exported, after: FloatArray) -> None:
 
 
 def _scale_by_energy(data: Recording, arm: Arm) -> None:
-    """Set the tolerances of coordinates as if they were energies.
-
-    Metres and radians then count alike, and so do errors of an ill-conditioned mass matrix.
-    """
+    """Set the tolerances of coordinates as if they were energies."""
+    # Metres and radians then count alike, and so do errors of an ill-conditioned mass matrix.
     M = arm.mass_matrix(data.inputs["q"][0])
     scale = np.sqrt(np.diag(M))
     condition = np.linalg.cond(M / np.outer(scale, scale))

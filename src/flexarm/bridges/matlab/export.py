@@ -118,11 +118,9 @@ def _help(model: CasadiModel, name: str) -> list[str]:
 
 
 def _result_structure(result: xr.Dataset) -> dict[str, Any]:
-    """Return channels and coordinates by name, ``units`` and ``attributes``.
-
-    Arrays keep the order of their dimensions. Integers become floating-point numbers, because in
-    MATLAB arithmetic with integers rounds; texts become cell arrays.
-    """
+    """Return channels and coordinates by name, ``units`` and ``attributes``."""
+    # Arrays keep the order of their dimensions. Integers become floating-point numbers, because in
+    # MATLAB arithmetic with integers rounds; texts become cell arrays.
     arrays = {str(name): array for name, array in result.variables.items()}
     structure: dict[str, Any] = {name: _numbers(array.values) for name, array in arrays.items()}
     structure["units"] = {name: str(array.attrs.get("units", "")) for name, array in arrays.items()}

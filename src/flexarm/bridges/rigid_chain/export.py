@@ -113,11 +113,9 @@ def _bar(beam: SectionTable, start: float, end: float) -> Link:
 
 
 def _quadrature(x: FloatArray, rigidity: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return nodes and weights of the Gauss quadrature with the weight function 1 / (E I).
-
-    Golub and Welsch: eigenvalues of the matrix of the recurrence of orthogonal polynomials, which
-    is computed with the weight function at many points (Stieltjes).
-    """
+    """Return nodes and weights of the Gauss quadrature with the weight function 1 / (E I)."""
+    # Golub and Welsch: eigenvalues of the matrix of the recurrence of orthogonal polynomials, which
+    # is computed with the weight function at many points (Stieltjes).
     from scipy.linalg import eigh_tridiagonal
 
     points, shares = np.polynomial.legendre.leggauss(_POINTS)

@@ -87,10 +87,8 @@ def _plain(arm: Arm, spec: PlainMotionSpec) -> Motion:
 
 
 def _over_time(table: ForceTable) -> Callable[[float], float]:
-    """Return the force over time, with a quintic between two values and zero slope at each.
-
-    The deflection of the arm follows the force: a kink of the force is a jump of the joint rates.
-    """
+    """Return the force over time, with a quintic between two values and zero slope at each."""
+    # The deflection of the arm follows the force: a kink of the force is a jump of the joint rates.
     return partial(_eased, np.array(table.times), np.array(table.values), quintic())
 
 

@@ -28,10 +28,8 @@ from flexarm.model.wording import Fault, Path, refuse, suggestion
 
 
 def _of_a_section(value: float) -> float:
-    """Raise if a dimension is so small or large that its unit must be wrong.
-
-    Within these limits fourth powers are finite and greater than zero.
-    """
+    """Raise if a dimension is so small or large that its unit must be wrong."""
+    # Within these limits fourth powers are finite and greater than zero.
     if not 1e-9 <= value <= 1e3:
         raise refuse("be between 1e-9 and 1000", value, "Dimensions are in metres.")
     return value

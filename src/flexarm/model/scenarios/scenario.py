@@ -365,10 +365,8 @@ def _turning(arm: object) -> list[int]:
 
 
 def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
-    """Yield the values that need one entry per joint of the arm, with their paths.
-
-    These are raw values, because only lengths are compared here and the entries may be invalid.
-    """
+    """Yield the values that need one entry per joint of the arm, with their paths."""
+    # These are raw values, because only lengths are compared here and the entries may be invalid.
     motion, drive, initial = (given.raw(name) for name in ("motion", "drive", "initial"))
     place: Path = ("motion",)
     if look(motion, "kind") == "pressed":

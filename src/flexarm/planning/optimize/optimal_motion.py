@@ -185,10 +185,8 @@ def last_iterate(task: Task, plan: Plan) -> xr.Dataset:
 
 
 def tabulated(task: Task, plan: Plan) -> tuple[PPoly, RigidChain]:
-    """Return the joint angles of a plan as polynomials of degree 5, and the rigid chain.
-
-    Accelerations at the nodes are those of the equations of motion.
-    """
+    """Return the joint angles of a plan as polynomials of degree 5, and the rigid chain."""
+    # Accelerations at the nodes are those of the equations of motion.
     arm, joint = task.arm, task.arm.joint_index
     starts = plan.q[:-1], plan.rate[:-1], plan.torque[:, 0]
     ends = plan.q[1:], plan.rate[1:], plan.torque[:, 1]
@@ -383,10 +381,8 @@ def _default_intervals(task: Task, duration: float) -> int:
 def _within_limits(
     task: Task, plan: Plan, plant: Arm, intervals: int, iterations: int
 ) -> OptimalMotion:
-    """Solve with few intervals, then with all, until the full model is within its limits.
-
-    The few intervals make the search fast, and find better optima than many.
-    """
+    """Solve with few intervals, then with all, until the full model is within its limits."""
+    # The few intervals make the search fast, and find better optima than many.
     total = 0
     margins = [np.zeros(bound.lower.shape) for bound in task.bounds]
     slack = [task.slack(bound) for bound in task.bounds]
@@ -477,13 +473,11 @@ _STEPS, _SHORTEST = 12, 0.05
 
 
 def _corrected(task: Task, plan: Plan) -> Plan:
-    """Return a plan that ends at rest in the simulation; the same one if there is none.
-
-    Modes that vibrate faster than the intervals resolve have other phases in the simulation than in
-    the collocation, and joints without inertia of their own follow these modes. Newton's method on
-    the simulation finds the least change of the torques after which the arm is at rest: its
-    Jacobian is that of the steps of the integrator, `goal_gradient`.
-    """
+    """Return a plan that ends at rest in the simulation; the same one if there is none."""
+    # Modes that vibrate faster than the intervals resolve have other phases in the simulation than
+    # in the collocation, and joints without inertia of their own follow these modes. Newton's
+    # method on the simulation finds the least change of the torques after which the arm is at rest:
+    # its Jacobian is that of the steps of the integrator, `goal_gradient`.
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LargeDeflectionWarning)  # only the last run matters

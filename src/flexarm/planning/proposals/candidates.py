@@ -390,11 +390,9 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
 
 
 def _designs(needs: Requirements) -> Drive:
-    """Return the posture of a design, and its schedule over the joints that matter most.
-
-    Without gravity the dynamics do not depend on the angle of the first joint, but the direction of
-    the tip does. The grid has at most two dimensions.
-    """
+    """Return the posture of a design, and its schedule over the joints that matter most."""
+    # Without gravity the dynamics do not depend on the angle of the first joint, but the direction
+    # of the tip does. The grid has at most two dimensions.
     first, last = postures_of(needs)[[0, -1]]
     middle = rounded((first + last) / 2.0)
     turned = np.abs(last - first)

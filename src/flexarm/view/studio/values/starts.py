@@ -57,11 +57,9 @@ def scenario_around(arm: ArmSpec) -> Scenario:
 
 
 def motion_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
-    """Return a motion of a kind between the ends of the scenario's motion.
-
-    The arm's own joints turn by half a radian if the scenario has no motion. A kind without
-    starting values is returned alone, so that the records report what is wrong.
-    """
+    """Return a motion of a kind between the ends of the scenario's motion."""
+    # The arm's own joints turn by half a radian if the scenario has no motion. A kind without
+    # starting values is returned alone, so that the records report what is wrong.
     arm = Arm(scenario.arm)
     start, end = ends_of(arm, scenario)
     if kind == "joint":
@@ -127,10 +125,8 @@ _SPACE = 0.05
 def new_value(
     scenario: Scenario, path: Path, forms: Forms, kind: str | None = None, old: Any = None
 ) -> Any:
-    """Return a starting value in a scenario instead of ``old``, as a file has it.
-
-    A kind that does not exist is returned alone, so that the records report what is wrong.
-    """
+    """Return a starting value in a scenario instead of ``old``, as a file has it."""
+    # A kind that does not exist is returned alone, so that the records report what is wrong.
     if kind is None:
         return _plain(scenario, forms.given[0], 1, old)
     if path[:1] == ("drive",):
