@@ -164,7 +164,7 @@ def named_channels(
 
 
 def _base_motion(arm: Arm, coordinates: FloatArray) -> FloatArray:
-    """Return x, y and angle of the base (samples, 3), or their rates from rates (samples, n, ...)."""
+    """Return x, y and angle of the base (samples, 3), or their rates from (samples, n, ...)."""
     # Coordinates that are not free are zero.
     motion = np.zeros((len(coordinates), 3), dtype=coordinates.dtype)
     for name, body, _ in arm.assembly.base:

@@ -73,7 +73,7 @@ def parameters_of(problem: FitProblem, fit: Fit) -> tuple[xr.Dataset, xr.Dataset
 def _information_of(
     problem: FitProblem, fit: Fit
 ) -> tuple[list[Column], FloatArray, NDArray[np.bool_]]:
-    """Return weighted residuals with derivatives, inverse variances of priors, and physical slots."""
+    """Return weighted residuals with derivatives, inverse variances of priors, physical slots."""
     # The columns are those of all channels of all records; slots of initial states are not
     # physical.
     columns = []

@@ -335,7 +335,7 @@ def indices_of(germs: Sequence[Germ], y: FloatArray, resamples: int, seed: int) 
 
 
 def _expansion(germs: Sequence[Germ], y: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Return the degrees (terms, numbers) of an expansion, its basis (samples, terms), its error."""
+    """Return degrees (terms, numbers) of an expansion, its basis (samples, terms), its error."""
     # The error is that of cross-validation, divided by the variance.
     most = min(y.size, max(_MOST_NUMBERS // y.size, 2 * len(germs) + 1))
     degrees = [min(_MOST_DEGREE, germ.nodes.size - 1) for germ in germs]
