@@ -68,7 +68,17 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
         threads: int | None = None,
         **arguments: Any,
     ) -> None:
-        _check_supported(arguments)
+        problems = []
+        plant = arguments.get("plant")
+        if callable(plant) and not isinstance(plant, Arm):
+            reason = "cannot be a function in a vector environment"
+            problems.append(Problem("plant", reason, hint=_SYNC))
+        for name in ("hardware", "changes"):
+            if arguments.get(name):
+                reason = "is not supported in a vector environment"
+                problems.append(Problem(name, reason, hint=_SYNC))
+        if problems:
+            raise InputError(*problems)
         self._task = task = self.kind(**arguments)
         arm = task.plant.arm
         refuse_bristles(arm, "a vector environment", hint=_SYNC)
@@ -289,21 +299,6 @@ class TrackPathVectorEnv(ArmVectorEnv):
     """Vector environment of ``TrackPathEnv``; see ``ArmVectorEnv``."""
 
     kind = TrackPathEnv
-
-
-def _check_supported(arguments: Mapping[str, Any]) -> None:
-    """Raise InputError for all arguments that a vector environment does not support."""
-    problems = []
-    plant = arguments.get("plant")
-    if callable(plant) and not isinstance(plant, Arm):
-        rule = "cannot be a function in a vector environment"
-        problems.append(Problem("plant", rule, hint=_SYNC))
-    for name in ("hardware", "changes"):
-        if arguments.get(name):
-            rule = "is not supported in a vector environment"
-            problems.append(Problem(name, rule, hint=_SYNC))
-    if problems:
-        raise InputError(*problems)
 
 
 def _checked_mode(given: str | AutoresetMode) -> AutoresetMode:

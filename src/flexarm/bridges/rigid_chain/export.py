@@ -384,7 +384,14 @@ def _urdf(chain: RigidChain, masses: list[Body], name: str) -> str:
         SubElement(inertial, "mass", value=repr(body.mass))
         values = dict.fromkeys(("ixx", "iyy", "izz"), repr(body.inertia))
         SubElement(inertial, "inertia", values | dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
-        _connect(root, parent, body)
+        kind = "fixed" if body.joint is None else "continuous"
+        connection = SubElement(root, "joint", name=body.joint or f"{body.name}_weld", type=kind)
+        SubElement(connection, "parent", link=parent)
+        SubElement(connection, "child", link=body.name)
+        SubElement(connection, "origin", xyz=f"{body.offset!r} 0 0", rpy=f"0 0 {body.angle!r}")
+        if body.joint is not None:
+            SubElement(connection, "axis", xyz="0 0 1")
+            SubElement(connection, "dynamics", damping=repr(body.damping))
         parent = body.name
     tip = [body for body in masses if body.name != "payload"][-1]
     SubElement(root, "link", name="tip")
@@ -419,17 +426,6 @@ def _explained(chain: RigidChain, more: str) -> str:
         *(table if chain.comparisons else []),
     ]
     return "\n".join(lines) + more + "\n"
-
-
-def _connect(root: Element, parent: str, body: Body) -> None:
-    kind = "fixed" if body.joint is None else "continuous"
-    joint = SubElement(root, "joint", name=body.joint or f"{body.name}_weld", type=kind)
-    SubElement(joint, "parent", link=parent)
-    SubElement(joint, "child", link=body.name)
-    SubElement(joint, "origin", xyz=f"{body.offset!r} 0 0", rpy=f"0 0 {body.angle!r}")
-    if body.joint is not None:
-        SubElement(joint, "axis", xyz="0 0 1")
-        SubElement(joint, "dynamics", damping=repr(body.damping))
 
 
 def _time_step(chain: RigidChain) -> str:

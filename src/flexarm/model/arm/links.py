@@ -462,7 +462,20 @@ class Link(Record):
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        yield from _description_faults(given)
+        numbers = [name for name in _CONSTANTS if not given.absent(name)]
+        shape = [name for name in ("material", "section") if not given.absent(name)]
+        table = ["table"] if not given.absent("table") else []
+        ways = [names for names in (table, shape, numbers) if names]
+        if not ways:
+            yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
+        for names in ways[1:]:
+            for name in names:
+                yield Fault((name,), f"cannot be combined with {' and '.join(ways[0])}", hint=_WAYS)
+        if len(ways) == 1 and len(shape) == 1:
+            other = "section" if shape == ["material"] else "material"
+            yield Fault((other,), f"is required with {shape[0]}")
+        if ways == [numbers] and given.absent("mass_per_length"):
+            yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
         yield from _rigid_or_flexible_faults(given)
         yield from _shear_faults(given)
         if given.has("rotary_inertia") and given.rotary_inertia:
@@ -485,24 +498,6 @@ class Link(Record):
                 if gauge.station > given.length:
                     rule = f"be at most {given.length:.9g} (the length of the link)"
                     yield Fault(("gauges", i, "station"), rule, shown(gauge.station))
-
-
-def _description_faults(given: Given) -> Iterator[Fault]:
-    """Yield the faults of a link whose description is incomplete or given twice."""
-    constants = [name for name in _CONSTANTS if not given.absent(name)]
-    shape = [name for name in ("material", "section") if not given.absent(name)]
-    table = ["table"] if not given.absent("table") else []
-    ways = [names for names in (table, shape, constants) if names]
-    if not ways:
-        yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
-    for names in ways[1:]:
-        for name in names:
-            yield Fault((name,), f"cannot be combined with {' and '.join(ways[0])}", hint=_WAYS)
-    if len(ways) == 1 and len(shape) == 1:
-        other = "section" if shape == ["material"] else "material"
-        yield Fault((other,), f"is required with {shape[0]}")
-    if ways == [constants] and given.absent("mass_per_length"):
-        yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
 
 
 def _rigid_or_flexible_faults(given: Given) -> Iterator[Fault]:

@@ -236,7 +236,11 @@ def parse(file: FilePath, text: str) -> Document:
             raise ModelError(Problem("the file", "is empty", where=str(file)))
         return Document(file, root)
     except yaml.MarkedYAMLError as error:
-        raise ModelError(_syntax_problem(file, error)) from None
+        mark = error.problem_mark or error.context_mark
+        where = f"{file}:{mark.line + 1}" if mark else str(file)
+        fault = f"is not valid YAML: {error.problem or error.context}"
+        hint = "Indent with spaces." if "'\\t'" in fault else ""
+        raise ModelError(Problem("the file", fault, hint=hint, where=where)) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         rule = f"contains the character {error.character:#x}, which YAML does not allow"
@@ -256,15 +260,6 @@ def _composed(text: str) -> yaml.Node | None:
         except (yaml.YAMLError, UnicodeError):
             pass
     return yaml.compose(text, Loader=_Loader)
-
-
-def _syntax_problem(file: FilePath, error: yaml.MarkedYAMLError) -> Problem:
-    """Convert PyYAML's syntax error to a problem."""
-    mark = error.problem_mark or error.context_mark
-    where = f"{file}:{mark.line + 1}" if mark else str(file)
-    rule = f"is not valid YAML: {error.problem or error.context}"
-    hint = "Indent with spaces." if "'\\t'" in rule else ""
-    return Problem("the file", rule, hint=hint, where=where)
 
 
 def _whole(text: str) -> int | float:

@@ -301,7 +301,16 @@ def case_of(needs: Requirements) -> dict[str, Any]:
         found["contacts"] = [_surface(needs)]
     hardware: dict[str, Any] = {}
     if {"tip", "force"} & needs.sensors:
-        hardware["instruments"] = _instruments(needs)
+        instruments: list[dict[str, Any]] = [{"signal": "joint_angle"}, {"signal": "joint_rate"}]
+        if "gauges" in needs.sensors:
+            instruments.append({"signal": "strain"})
+        if "tip" in needs.sensors:
+            noise = rounded([_TIP_NOISE * needs.arm.reach], 2)[0]
+            instruments.append({"signal": "tip", "noise": noise})
+        if "force" in needs.sensors:
+            noise = rounded([_FORCE_NOISE * needs.force], 2)[0]
+            instruments.append({"signal": "contact_force", "noise": noise})
+        hardware["instruments"] = instruments
     if needs.torque_limit is not None:
         hardware["motors"] = {"torque_limit": rounded(needs.torque_limit)}
     if hardware:
@@ -348,19 +357,6 @@ def _surface(needs: Requirements) -> dict[str, Any]:
         "stiffness": rounded([stiffness], 2)[0],
         "damping": rounded([damping], 2)[0],
     }
-
-
-def _instruments(needs: Requirements) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = [{"signal": "joint_angle"}, {"signal": "joint_rate"}]
-    if "gauges" in needs.sensors:
-        found.append({"signal": "strain"})
-    if "tip" in needs.sensors:
-        noise = rounded([_TIP_NOISE * needs.arm.reach], 2)[0]
-        found.append({"signal": "tip", "noise": noise})
-    if "force" in needs.sensors:
-        noise = rounded([_FORCE_NOISE * needs.force], 2)[0]
-        found.append({"signal": "contact_force", "noise": noise})
-    return found
 
 
 def plants_of(needs: Requirements) -> dict[str, dict[str, Any]]:

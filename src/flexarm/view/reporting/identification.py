@@ -140,26 +140,20 @@ def _record(result: Identification, name: str, table: xr.Dataset) -> dict[str, s
         measured, simulated = one["measured"].values, one["simulated"].values
         unit = str(one["unit"].values)
         channels.append(fits.FittedChannel(clean(channel), unit, times, measured, simulated))
-        rows.append(_correlations(clean(channel), times, measured - simulated, table))
+        missed = measured - simulated
+        valid = np.isfinite(missed)
+        residuals = np.where(valid, missed - missed[valid].mean(), 0.0)
+        lags = times[: LAGS + 1] - times[0]
+        own, _ = correlation_of(residuals, valid, lags.size - 1)
+        bound = _BAND / np.sqrt(valid.sum())
+        panels = [fits.Correlation(f"{clean(channel)}, own", lags[1:], own[1:], bound)]
+        for source in table["input"].values:
+            signal = table["driven"].sel(input=source).values
+            crossed, deviation = cross_correlation(residuals, valid, signal, lags.size - 1)
+            panels.append(fits.Correlation(f"with {source}", lags, crossed, _BAND * deviation))
+        rows.append(panels)
     return {
         "title": clean(name) + ("" if fitted else ", not fitted"),
         "fit": fits.fit_picture(channels, word),
         "correlations": fits.correlations_picture(rows),
     }
-
-
-def _correlations(
-    channel: str, times: np.ndarray, missed: np.ndarray, table: xr.Dataset
-) -> list[fits.Correlation]:
-    """Return the correlations of the residuals of a channel with themselves and with inputs."""
-    valid = np.isfinite(missed)
-    residuals = np.where(valid, missed - missed[valid].mean(), 0.0)
-    lags = times[: LAGS + 1] - times[0]
-    own, _ = correlation_of(residuals, valid, lags.size - 1)
-    bound = _BAND / np.sqrt(valid.sum())
-    panels = [fits.Correlation(f"{channel}, own", lags[1:], own[1:], bound)]
-    for name in table["input"].values:
-        signal = table["driven"].sel(input=name).values
-        crossed, deviation = cross_correlation(residuals, valid, signal, lags.size - 1)
-        panels.append(fits.Correlation(f"with {name}", lags, crossed, _BAND * deviation))
-    return panels
