@@ -8,14 +8,11 @@ with a unit occurs.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 from flexarm.model.wording import Fault, Path
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 _IN_BRACKETS = re.compile(r"\(((?:[^()]|\([^()]*\))*)\)")
 _WORDS = {"m", "s", "kg", "N", "Hz", "rad", "Pa", "J", "A", "V", "ohm", "1", "per"}

@@ -75,7 +75,19 @@ def _by_name(value: Any) -> Any:
 MaterialOrName = Annotated[Material, BeforeValidator(_by_name)]
 
 
-class Rectangle(Record):
+class _Section(Record):
+    """Base of cross-sections."""
+
+    _depth: ClassVar[str] = "height"
+
+    @property
+    def depth(self) -> float:
+        """Extent in the plane of motion (m)."""
+        depth: float = getattr(self, self._depth)
+        return depth
+
+
+class Rectangle(_Section):
     """A solid rectangle; the link bends in the direction of its `height`."""
 
     kind: Literal["rectangle"] = "rectangle"
@@ -99,18 +111,15 @@ class Rectangle(Record):
         """Shear coefficient k of the area; theory page "beams", (B.36)."""
         return 5 / 6
 
-    @property
-    def depth(self) -> float:
-        """Extent in the plane of motion (m)."""
-        return self.height
 
-
-class Circle(Record):
+class Circle(_Section):
     """A solid circle."""
 
     kind: Literal["circle"] = "circle"
     diameter: Dimension
     """Diameter (m)."""
+
+    _depth: ClassVar[str] = "diameter"
 
     @property
     def area(self) -> float:
@@ -127,13 +136,8 @@ class Circle(Record):
         """Shear coefficient k of the area; theory page "beams", (B.36)."""
         return 6 / 7
 
-    @property
-    def depth(self) -> float:
-        """Extent in the plane of motion (m)."""
-        return self.diameter
 
-
-class Tube(Record):
+class Tube(_Section):
     """A circular tube."""
 
     kind: Literal["tube"] = "tube"
@@ -141,6 +145,8 @@ class Tube(Record):
     """Outer diameter (m)."""
     thickness: Dimension
     """Wall thickness (m)."""
+
+    _depth: ClassVar[str] = "outer_diameter"
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -169,13 +175,8 @@ class Tube(Record):
         ratio = (self._inner_diameter / self.outer_diameter) ** 2
         return 6 * (1 + ratio) ** 2 / (7 * (1 + ratio) ** 2 + 20 * ratio)
 
-    @property
-    def depth(self) -> float:
-        """Extent in the plane of motion (m)."""
-        return self.outer_diameter
 
-
-class Box(Record):
+class Box(_Section):
     """A hollow rectangle with uniform wall thickness."""
 
     kind: Literal["box"] = "box"
@@ -214,11 +215,6 @@ class Box(Record):
         """
         m = (self.width - self.thickness) / (self.height - self.thickness)
         return 10 * (1 + 3 * m) ** 2 / (12 + 72 * m + 150 * m**2 + 120 * m**3 + 30 * m**4)
-
-    @property
-    def depth(self) -> float:
-        """Extent in the plane of motion (m)."""
-        return self.height
 
 
 Section = Annotated[Rectangle | Circle | Tube | Box, Field(discriminator="kind")]
