@@ -25,8 +25,8 @@ from .bridges.matlab.export import export_mat as export_mat
 from .bridges.rigid_chain.export import export_exudyn as export_exudyn
 from .bridges.rigid_chain.export import export_mjcf as export_mjcf
 from .bridges.rigid_chain.export import export_urdf as export_urdf
-from .bridges.symbolic.casadi_model import to_casadi as to_casadi
-from .bridges.symbolic.jax_model import to_jax as to_jax
+from .bridges.symbolic.models import to_casadi as to_casadi
+from .bridges.symbolic.models import to_jax as to_jax
 from .cases.results import read_result as read_result
 from .cases.results import save_linear as save_linear
 from .cases.results import write_result as write_result

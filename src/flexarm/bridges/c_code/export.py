@@ -13,7 +13,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.writing.places import check_folder, write_text
-from flexarm.bridges.symbolic.casadi_model import CasadiModel, exported_model
+from flexarm.bridges.symbolic.models import CasadiModel, exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.control.filters.kalman_filter import ExtendedKalmanFilter
 from flexarm.linear.step_derivatives.sampled_step import fastest_rate

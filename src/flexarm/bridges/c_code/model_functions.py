@@ -15,7 +15,7 @@ from typing import Any
 
 import casadi
 
-from flexarm.bridges.symbolic.casadi_model import CasadiModel
+from flexarm.bridges.symbolic.models import CasadiModel
 from flexarm.integrate.explicit_runge_kutta.rk4 import RungeKutta4
 
 

@@ -23,8 +23,8 @@ from flexarm.bridges.c_code.model_functions import (
     runge_kutta,
     with_derivatives,
 )
-from flexarm.bridges.symbolic.casadi_model import casadi_model
 from flexarm.bridges.symbolic.kernel_calls import ParametricArm, objects, plain
+from flexarm.bridges.symbolic.models import casadi_model
 from flexarm.control.filters.estimator import (
     LEAST_STIFFNESS,
     SAG_DIFFERENCE,

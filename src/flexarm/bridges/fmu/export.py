@@ -30,7 +30,7 @@ from flexarm.base.writing.places import check_place, write_whole
 from flexarm.bridges.c_code.export import check_prefix, exported
 from flexarm.bridges.c_code.model_functions import NamedFunction
 from flexarm.bridges.c_code.source import EXTENTS, MEANINGS, PLANNED, Exported, array, origin
-from flexarm.bridges.symbolic.casadi_model import exported_model
+from flexarm.bridges.symbolic.models import exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.integrate.explicit_runge_kutta.dormand_prince import DormandPrince8
 from flexarm.linear.models.state_space import find_inputs, find_outputs, state_names

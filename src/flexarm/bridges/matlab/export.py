@@ -16,7 +16,7 @@ from flexarm.base.arguments import check_dataset, check_kind
 from flexarm.base.errors import public_call
 from flexarm.base.writing.mat_file import mat_bytes
 from flexarm.base.writing.places import check_place, write_text, write_whole
-from flexarm.bridges.symbolic.casadi_model import CasadiModel, exported_model
+from flexarm.bridges.symbolic.models import CasadiModel, exported_model
 from flexarm.linear import LinearModel, linearize
 from flexarm.linear.models.state_space import state_names
 
