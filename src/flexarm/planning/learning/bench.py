@@ -71,7 +71,7 @@ class Bench:
     def model(self, controller: AddedTorque) -> FloatArray:
         """Return the lifted model (N p, N joints) of the chosen output."""
         # Loads and changes are not part of the model.
-        found: dict[str, Any] = {}
+        start: dict[str, Any] = {}
         plant = self._plant
         for name in ("initial", "initial_rate"):
             value = self._options.get(name)
@@ -79,8 +79,8 @@ class Bench:
                 # Coordinates of the bending differ, so the links of the model start straight.
                 given = check_array(name, value, (plant.dof,))
                 value = self.arm.rest(given[plant.joint_index])
-            found[name] = value
-        result = self._simulate(controller, None, None, found)
+            start[name] = value
+        result = self._simulate(controller, None, None, start)
         tip, angle = _lifted_model(self.arm, controller, self.reference, result, self.window)
         chosen = tip if self.output == "tip" else angle
         size = self.window.intervals

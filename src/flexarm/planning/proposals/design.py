@@ -283,7 +283,7 @@ _RATE = 150.0
 
 def case_of(needs: Requirements) -> dict[str, Any]:
     """Return the content of a study without drives: the keys of a file, for all candidates."""
-    found: dict[str, Any] = {"arm": needs.arm.spec, "motions": {needs.task: _motion(needs)}}
+    content: dict[str, Any] = {"arm": needs.arm.spec, "motions": {needs.task: _motion(needs)}}
     if needs.task == "hold" and needs.lowest:
         # The disturbance is a push across the last link at the tip, for one period.
         arm, links = needs.arm, len(needs.arm.spec.links)
@@ -296,9 +296,9 @@ def case_of(needs: Requirements) -> dict[str, Any]:
         before, period = _BEFORE * needs.period, needs.period
         times = rounded([before, before, before + period, before + period])
         factor = {"times": times, "values": [0.0, 1.0, 1.0, 0.0]}
-        found["loads"] = [{"link": links, "force": force, "factor": factor}]
+        content["loads"] = [{"link": links, "force": force, "factor": factor}]
     if needs.task == "force":
-        found["contacts"] = [_surface(needs)]
+        content["contacts"] = [_surface(needs)]
     hardware: dict[str, Any] = {}
     if {"tip", "force"} & needs.sensors:
         instruments: list[dict[str, Any]] = [{"signal": "joint_angle"}, {"signal": "joint_rate"}]
@@ -314,16 +314,16 @@ def case_of(needs: Requirements) -> dict[str, Any]:
     if needs.torque_limit is not None:
         hardware["motors"] = {"torque_limit": rounded(needs.torque_limit)}
     if hardware:
-        found["hardware"] = hardware
-    found["plants"] = plants_of(needs)
-    motion = found["motions"][needs.task]
+        content["hardware"] = hardware
+    content["plants"] = plants_of(needs)
+    motion = content["motions"][needs.task]
     moved = motion.get("path", motion)
     end = moved["start_time"] + moved["duration"]
     after = 0.0 if needs.task in ("hold", "force") else float(f"{_AFTER * needs.period:.2g}")
     settling = float(f"{after / _AFTER:.2g}")
     (duration,), (rate,) = rounded([end + after], 6), rounded([_RATE / needs.period], 1)
-    found["run"] = {"duration": duration, "rate": rate, "settling": settling}
-    return found
+    content["run"] = {"duration": duration, "rate": rate, "settling": settling}
+    return content
 
 
 def _motion(needs: Requirements) -> dict[str, Any]:
