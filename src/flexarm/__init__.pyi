@@ -25,8 +25,8 @@ from .bridges.matlab.export import export_mat as export_mat
 from .bridges.rigid_chain.export import export_exudyn as export_exudyn
 from .bridges.rigid_chain.export import export_mjcf as export_mjcf
 from .bridges.rigid_chain.export import export_urdf as export_urdf
-from .bridges.symbolic.casadi_model import to_casadi as to_casadi
-from .bridges.symbolic.jax_model import to_jax as to_jax
+from .bridges.symbolic.models import to_casadi as to_casadi
+from .bridges.symbolic.models import to_jax as to_jax
 from .cases.results import read_result as read_result
 from .cases.results import save_linear as save_linear
 from .cases.results import write_result as write_result
@@ -146,9 +146,9 @@ from .planning.learning.iterative import LearnedMotion as LearnedMotion
 from .planning.learning.iterative import iterative_learning as iterative_learning
 from .planning.optimize.excitation import OptimalExcitation as OptimalExcitation
 from .planning.optimize.excitation import optimal_excitation as optimal_excitation
+from .planning.optimize.optimal_motion import OptimalMotion as OptimalMotion
+from .planning.optimize.optimal_motion import OptimizationError as OptimizationError
 from .planning.optimize.optimal_motion import optimal_motion as optimal_motion
-from .planning.optimize.solution import OptimalMotion as OptimalMotion
-from .planning.optimize.solution import OptimizationError as OptimizationError
 from .planning.optimize.task import MotionLimits as MotionLimits
 from .planning.proposals.design import ControllerDesign as ControllerDesign
 from .planning.proposals.design import design as design

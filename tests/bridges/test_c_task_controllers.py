@@ -11,7 +11,7 @@ from bridges.test_c_controllers import LAWS, heavy
 from flexarm.bridges.c_code.export import exported
 from flexarm.bridges.c_code.recording import record
 from flexarm.bridges.symbolic import symbol_array
-from flexarm.bridges.symbolic.casadi_model import casadi_model
+from flexarm.bridges.symbolic.models import casadi_model
 from flexarm.cli.main import app
 
 TASKS = ["adaptive_force", "admittance", "hybrid_force", "impedance", "neural_force"]

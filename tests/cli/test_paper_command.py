@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flexarm.cases.results import read_result
-from flexarm.cli import drawing
+from flexarm.cli.commands import paper as drawing
 from flexarm.cli.main import app
 from flexarm.model import load_scenario
 from flexarm.view.paper import paper_scenario

@@ -86,7 +86,7 @@ sys.stderr.buffer.write(writer.stderr.read())
 def test_drawing_processes_load_no_kernels():
     code = """
 import sys
-from flexarm.cli.drawing import load_plotting
+from flexarm.cli.commands.paper import load_plotting
 load_plotting()
 print([name for name in ("numba", "scipy", "xarray") if name in sys.modules])
 """

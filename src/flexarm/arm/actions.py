@@ -121,21 +121,17 @@ def loads_inboard(
             kept.rows[k, : row.size] = row
             if kept.shortening.shape[1]:
                 kept.shortening[k, : row.size, : row.size] = matrix
-    return kept._replace(contacts=_contacts_inboard(arm, placed.contacts, reach))
+    law = placed.contacts.law.copy()
+    for row, body in zip(law, placed.contacts.body, strict=True):
+        piece = arm.assembly.piece_of(body)
+        same = SAME_PLACE * piece.shapes.length
+        row[WEIGHT] *= _inboard(row[LEVER] - piece.offset, reach[body], same)
+    return kept._replace(contacts=placed.contacts._replace(law=law))
 
 
 def _inboard(lever: float, reach: float, same: float) -> bool:
     """Return whether a point is inboard of a section by more than ``same``, or at the root."""
     return lever <= (same if reach <= same else reach - same)
-
-
-def _contacts_inboard(arm: Coordinates, contacts: Contacts, reach: FloatArray) -> Contacts:
-    law = contacts.law.copy()
-    for row, body in zip(law, contacts.body, strict=True):
-        piece = arm.assembly.piece_of(body)
-        same = SAME_PLACE * piece.shapes.length
-        row[WEIGHT] *= _inboard(row[LEVER] - piece.offset, reach[body], same)
-    return contacts._replace(law=law)
 
 
 def _point(

@@ -59,19 +59,6 @@ class Energy(NamedTuple):
         return self.kinetic + self.strain + self.gravity
 
 
-def _warn_of_tables(spec: ArmSpec) -> None:
-    """Warn of tables whose points are too few for a smooth taper."""
-    coarse = [
-        f"links[{i}].table has {len(link.table.x)} points; if they sample a smooth taper, linear "
-        f"interpolation between them changes the first frequency by about {100.0 * error:.1f} %. "
-        "Give more points."
-        for i, link in enumerate(spec.links)
-        if link.table is not None and (error := table_error(link)) > _COARSE
-    ]
-    if coarse:
-        warn_caller(" ".join(coarse), AccuracyWarning)
-
-
 def _range(values: Sequence[float] | None) -> str:
     """Format a constant property, or its smallest and largest value along a link."""
     if not values:
@@ -120,7 +107,15 @@ class Arm(Dynamics):
         self._gauge_rows, self._gauge_bodies = place_gauges(self, self.gauges)
         if called_by_user():
             warn_of(implausible(spec))
-            _warn_of_tables(spec)
+            coarse = [
+                f"links[{i}].table has {len(link.table.x)} points; if they sample a smooth taper, "
+                "linear interpolation between them changes the first frequency by about "
+                f"{100.0 * error:.1f} %. Give more points."
+                for i, link in enumerate(spec.links)
+                if link.table is not None and (error := table_error(link)) > _COARSE
+            ]
+            if coarse:
+                warn_caller(" ".join(coarse), AccuracyWarning)
         self._sizes = run_time_sizes(self.assembly.constants)
         self._cuts: tuple[Cut, ...] = ()
         self._placed: tuple[int, Stations] | None = None
@@ -198,7 +193,14 @@ class Arm(Dynamics):
             InputError: if ``q`` has the wrong shape or is not finite, or there are fewer than two
                 stations.
         """
-        placed = self._placed_stations(check_count("stations", stations, 2, 10**6))
+        # Keep the stations, because frames of an animation share them.
+        count = check_count("stations", stations, 2, 10**6)
+        kept = self._placed
+        if kept is None or kept[0] != count:
+            kept = count, place_stations(self, count)
+            if count <= MOST_STATIONS:  # more would occupy much memory
+                self._placed = kept
+        placed = kept[1]
         state, body_poses, _ = self._poses(q)
         points = np.zeros((self.links * stations, 2))
         axis_points(
@@ -212,15 +214,6 @@ class Arm(Dynamics):
             points,
         )
         return points.reshape(self.links, stations, 2)
-
-    def _placed_stations(self, count: int) -> Stations:
-        """Return the stations of `shape`, kept because frames of an animation share them."""
-        kept = self._placed
-        if kept is None or kept[0] != count:
-            kept = count, place_stations(self, count)
-            if count <= MOST_STATIONS:  # more would occupy much memory
-                self._placed = kept
-        return kept[1]
 
     @public_call
     def motor_torque(self, voltage: ArrayLike, rate: ArrayLike | None = None) -> FloatArray:

@@ -121,10 +121,8 @@ class BendingErrors:
 
 
 def _paths(arm: Arm) -> list[tuple[list[int], list[float]]]:
-    """Return the links from the base to each tip, and the lengths (m) beyond the tip of each.
-
-    A rotated link also displaces everything beyond its tip.
-    """
+    """Return the links from the base to each tip, and the lengths (m) beyond the tip of each."""
+    # A rotated link also displaces everything beyond its tip.
     spec = arm.spec
     paths = []
     for end in sorted(set(range(arm.links)) - set(spec.parents)):
@@ -146,16 +144,6 @@ class _LargestDeflection(NamedTuple):
 
     piece: Piece
     deflection: float
-
-
-def _largest_deflection(arm: Arm, link: int, state: FloatArray) -> _LargestDeflection:
-    bent = [
-        _LargestDeflection(
-            piece, abs(float(arm.assembly.constants.P[piece.body] @ state[0, piece.body, 1:]))
-        )
-        for piece in arm.assembly.pieces_of(link)
-    ]
-    return max(bent, key=lambda one: one.deflection / one.piece.shapes.length)
 
 
 def theory_error(arm: Arm, states: FloatArray) -> str:
@@ -194,7 +182,14 @@ def _description(
     if worst is None:
         return None
     tip, link, at = worst
-    piece, deflection = _largest_deflection(arm, link, states[at])
+    state = states[at]
+    bent = [
+        _LargestDeflection(
+            piece, abs(float(arm.assembly.constants.P[piece.body] @ state[0, piece.body, 1:]))
+        )
+        for piece in arm.assembly.pieces_of(link)
+    ]
+    piece, deflection = max(bent, key=lambda one: one.deflection / one.piece.shapes.length)
     name = f"link {link + 1}"
     if arm.spec.links[link].segments > 1:
         name = f"a segment of {name}"

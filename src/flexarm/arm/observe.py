@@ -165,10 +165,8 @@ def named_channels(
 
 
 def _base_motion(arm: Arm, coordinates: FloatArray) -> FloatArray:
-    """Return x, y and angle of the base (samples, 3), or their rates from rates (samples, n, ...).
-
-    Coordinates that are not free are zero.
-    """
+    """Return x, y and angle of the base (samples, 3), or their rates from (samples, n, ...)."""
+    # Coordinates that are not free are zero.
     motion = np.zeros((len(coordinates), 3), dtype=coordinates.dtype)
     for name, body, _ in arm.assembly.base:
         motion[:, ("x", "y", "angle").index(name)] = coordinates[:, body, 0]
@@ -185,12 +183,10 @@ def _twists(arm: Arm, q: FloatArray) -> FloatArray:
 
 
 def _link_tips(arm: Arm, poses: FloatArray) -> FloatArray:
-    """Return deflection and slope of each link's tip from its root tangent, and their rates.
-
-    The shape is (samples, links, 4). For a link in one piece they are those of the body. For
-    several pieces the slopes are added, and the deflection is the distance of the tip from the line
-    of the root tangent.
-    """
+    """Return deflection and slope of each link's tip from its root tangent, and their rates."""
+    # The shape is (samples, links, 4). For a link in one piece they are those of the body. For
+    # several pieces the slopes are added, and the deflection is the distance of the tip from the
+    # line of the root tangent.
     assembly = arm.assembly
     bent = np.empty((len(poses), arm.links, 4), dtype=poses.dtype)
     for i in range(arm.links):

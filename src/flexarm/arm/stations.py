@@ -17,14 +17,7 @@ from flexarm.arm.beams.invariants import (
     shortening_matrices,
 )
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.kernels.layout import (
-    ArmConstants,
-    Loads,
-    Sizes,
-    Stations,
-    Workspace,
-    run_time_sizes,
-)
+from flexarm.kernels import layout
 from flexarm.kernels.observation.section_forces import section_forces
 from flexarm.model import Load
 
@@ -36,23 +29,21 @@ MOST_STATIONS = 1000
 class Cut:
     """One section on each link, and the constants of the links' parts inboard of it."""
 
-    stations: Stations  # the sections, (links,) in total
+    stations: layout.Stations  # the sections, (links,) in total
     #: Constants of bodies that end at their section; those of bodies without a section are
     #: meaningless
-    constants: ArmConstants
-    sizes: Sizes  # sizes of these constants
+    constants: layout.ArmConstants
+    sizes: layout.Sizes  # sizes of these constants
     #: (n,) m from the root of each body's piece to its section; 0 without a section
     reach: FloatArray
 
 
-def place_stations(arm: Coordinates, count: int) -> Stations:
-    """Divide each link evenly by ``count`` stations, including root and tip: (links * count,).
-
-    A station between two segments is the tip of the inboard one.
-    """
+def place_stations(arm: Coordinates, count: int) -> layout.Stations:
+    """Divide each link evenly by ``count`` stations, including root and tip: (links * count,)."""
+    # A station between two segments is the tip of the inboard one.
     m, g = arm.assembly.modes, arm.assembly.constants.D0.shape[1]
     total = arm.links * count
-    placed = Stations(
+    placed = layout.Stations(
         body=np.zeros(total, dtype=np.intp),
         x=np.zeros(total),
         rows=np.zeros((total, m)),
@@ -110,8 +101,8 @@ def cuts_at(arm: Coordinates, count: int) -> tuple[Cut, ...]:
             # The mass matrix of a part is not the identity, so this term is always necessary.
             centrifugal=np.zeros((n, m, m)),
         )
-        stations = Stations(*(np.ascontiguousarray(array[k::count]) for array in placed))
-        cuts.append(Cut(stations, constants, run_time_sizes(constants), np.zeros(n)))
+        stations = layout.Stations(*(np.ascontiguousarray(array[k::count]) for array in placed))
+        cuts.append(Cut(stations, constants, layout.run_time_sizes(constants), np.zeros(n)))
     for piece in arm.assembly.pieces:
         own = np.flatnonzero(placed.body == piece.body)
         if own.size:
@@ -134,8 +125,8 @@ def forces_at(
     state: FloatArray,
     acceleration: FloatArray,
     loads: Sequence[Load],
-    placed: Loads,
-    work: Workspace,
+    placed: layout.Loads,
+    work: layout.Workspace,
 ) -> FloatArray:
     """Return axial force, shear force and bending moment (N, N m) of one state: (links, cuts, 3).
 
@@ -152,7 +143,7 @@ def forces_at(
     return np.ascontiguousarray(np.moveaxis(forces, 0, 1))
 
 
-def _place_part(constants: ArmConstants, body: int, parts: PartConstants, row: int) -> None:
+def _place_part(constants: layout.ArmConstants, body: int, parts: PartConstants, row: int) -> None:
     m = parts.S.shape[1]
     mass, inertia = float(parts.mass[row]), float(parts.inertia[row])
     constants.mass[body] = mass

@@ -295,13 +295,6 @@ def save_linear(model: LinearModel, path: AnyPath) -> None:
         raise InputError(Problem("model", "be a LinearModel", shown(model), hint))
     place = check_place("path", path, MODEL_SUFFIXES)
     if place.suffix.lower() == ".json":
-        write_text(json.dumps(_plain(model.arrays()), indent=1) + "\n", place)
+        write_text(json.dumps(model.arrays(), indent=1, default=np.ndarray.tolist) + "\n", place)
     else:
         write_whole(place, [mat_bytes(model.arrays())])
-
-
-def _plain(arrays: dict[str, Any]) -> dict[str, Any]:
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray) else value
-        for name, value in arrays.items()
-    }

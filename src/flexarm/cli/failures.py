@@ -64,22 +64,18 @@ def end_orderly_when_terminated() -> None:
         from flexarm.base.writing.replace_file import remove_unfinished
 
         remove_unfinished()
-        _flush_briefly()
+        # Flush the output streams, for at most a second.
+        if hasattr(signal, "SIGALRM"):
+            signal.signal(signal.SIGALRM, lambda *_: os._exit(TERMINATED))
+            signal.alarm(1)
+        for stream in (sys.stdout, sys.stderr):
+            # The pipe may be closed, or the signal may have interrupted a write to the stream.
+            with suppress(OSError, ValueError, RuntimeError):
+                stream.flush()
         os._exit(TERMINATED)
 
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, leave)
-
-
-def _flush_briefly() -> None:
-    """Flush the output streams, for at most a second."""
-    if hasattr(signal, "SIGALRM"):
-        signal.signal(signal.SIGALRM, lambda *_: os._exit(TERMINATED))
-        signal.alarm(1)
-    for stream in (sys.stdout, sys.stderr):
-        # The pipe may be closed, or the signal may have interrupted a write to the stream.
-        with suppress(OSError, ValueError, RuntimeError):
-            stream.flush()
 
 
 def warn(message: str) -> None:

@@ -73,10 +73,9 @@ def parameters_of(problem: FitProblem, fit: Fit) -> tuple[xr.Dataset, xr.Dataset
 def _information_of(
     problem: FitProblem, fit: Fit
 ) -> tuple[list[Column], FloatArray, NDArray[np.bool_]]:
-    """Return weighted residuals with derivatives, inverse variances of priors, and physical slots.
-
-    The columns are those of all channels of all records; slots of initial states are not physical.
-    """
+    """Return weighted residuals with derivatives, inverse variances of priors, physical slots."""
+    # The columns are those of all channels of all records; slots of initial states are not
+    # physical.
     columns = []
     derivatives = problem.derivatives(fit.vector)
     for k, (run, outputs, slope) in enumerate(
@@ -326,7 +325,16 @@ def predicted(
     options: dict[str, Any],
 ) -> Identifiability:
     """Return the identifiability of parameters by records, from arguments that are checked."""
-    _check_noise(records)
+    missing: dict[str, list[str]] = {}
+    for name, record in records.items():
+        channels = dict.fromkeys(label.channel for label in record.outputs)
+        lacking = [channel for channel in channels if channel not in record.settings.noise]
+        if lacking:
+            missing.setdefault(", ".join(lacking), []).append(name)
+    if missing:
+        rule = "requires the standard deviation of"
+        places = {text: f"noise of {', '.join(names)}" for text, names in missing.items()}
+        raise InputError(*(Problem(place, f"{rule} {text}") for text, place in places.items()))
     space = Space(arm, motors, free, records)
     runs = [RecordRun(name, record, arm, options) for name, record in records.items()]
     problem = FitProblem(space, runs, None)
@@ -340,17 +348,3 @@ def predicted(
         raise SimulationError(0.0, str(error)) from None
     information = own_information(columns, priors, space.scale, physical)
     return Identifiability(table, tuple(undetermined), information)
-
-
-def _check_noise(records: dict[str, MeasuredRecord]) -> None:
-    """Check that every compared channel has a deviation of its noise."""
-    missing: dict[str, list[str]] = {}
-    for name, record in records.items():
-        channels = dict.fromkeys(label.channel for label in record.outputs)
-        lacking = [channel for channel in channels if channel not in record.settings.noise]
-        if lacking:
-            missing.setdefault(", ".join(lacking), []).append(name)
-    if missing:
-        rule = "requires the standard deviation of"
-        places = {text: f"noise of {', '.join(names)}" for text, names in missing.items()}
-        raise InputError(*(Problem(place, f"{rule} {text}") for text, place in places.items()))

@@ -271,12 +271,10 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
 def _minimum(
     problem: FitProblem, scaled: FloatArray, loss: str, iterations: int, precision: float
 ) -> tuple[FloatArray, bool, int]:
-    """Return the changes with the smallest residuals, whether the search converged, evaluations.
-
-    The reflective trust-region method of SciPy shortens a step whose residuals are infinite. It
-    cannot go on from a vector without derivatives, so the search ends at the vector before.
-    FitFailure if the start has no derivatives.
-    """
+    """Return the changes with the smallest residuals, whether the search converged, evaluations."""
+    # The reflective trust-region method of SciPy shortens a step whose residuals are infinite. It
+    # cannot go on from a vector without derivatives, so the search ends at the vector before.
+    # FitFailure if the start has no derivatives.
     from scipy.optimize import least_squares
 
     lower, upper = (problem.scaled(bound) for bound in problem.space.bounds)
@@ -288,9 +286,12 @@ def _minimum(
         return rows
 
     try:
+        # The method requires a start strictly between the bounds.
+        room = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
+        margin = 1e-6 * np.minimum(room, 1.0)
         solution = least_squares(
             problem.residuals,
-            _inside(scaled, lower, upper),
+            np.clip(scaled, lower + margin, upper - margin),
             jac=jacobian,
             bounds=(lower, upper),
             method="trf",
@@ -306,13 +307,6 @@ def _minimum(
             raise
         return accepted[-1], False, iterations
     return solution.x, solution.status > 0, int(solution.nfev)
-
-
-def _inside(scaled: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Return a start strictly between the bounds, as the method requires."""
-    room = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
-    margin = 1e-6 * np.minimum(room, 1.0)
-    return np.clip(scaled, lower + margin, upper - margin)
 
 
 def random_start(space: Space, random: np.random.Generator) -> FloatArray:
@@ -422,11 +416,9 @@ def _by_differences(
     chosen: Sequence[int],
     derivatives: FloatArray,
 ) -> FloatArray | str:
-    """Fill the derivatives by central differences, or return why the run at ``vector`` fails.
-
-    They are one-sided at a bound, or where one of both runs fails, and zero where both fail, so
-    that no step goes in that direction.
-    """
+    """Fill the derivatives by central differences, or return why the run at ``vector`` fails."""
+    # They are one-sided at a bound, or where one of both runs fails, and zero where both fail, so
+    # that no step goes in that direction.
     lower, upper = space.bounds
     cases: list[Case] = [space.case(record, vector)]
     steps: list[tuple[int, float]] = []

@@ -13,13 +13,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm, described_arm
-from flexarm.base.arguments import (
-    check_choice,
-    check_count,
-    check_each,
-    check_kind,
-    check_list_of,
-)
+from flexarm.base import arguments
 from flexarm.base.errors import (
     AccuracyWarning,
     ConvergenceWarning,
@@ -32,19 +26,12 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.cases.scenario.file_errors import problems_at
+from flexarm.identification import fitting
 from flexarm.identification.assessment import (
     fits_by_channel,
     fits_of,
     histories_of,
     parameters_of,
-)
-from flexarm.identification.fitting import (
-    Fit,
-    FitFailure,
-    FitProblem,
-    Watch,
-    fit_from,
-    random_start,
 )
 from flexarm.identification.prediction import PredictedRun, PredictionProblem
 from flexarm.identification.reading import record_of_file
@@ -164,14 +151,14 @@ def identify(
             if an estimate differs from its start by a factor of 1000.
     """
     if motors is not None:
-        check_kind("motors", motors, Motors)
-    check_choice("loss", loss, LOSSES)
+        arguments.check_kind("motors", motors, Motors)
+    arguments.check_choice("loss", loss, LOSSES)
     disturbed = _check_method(method, torque_noise, loss, arm)
-    touching = check_list_of("contacts", contacts, Contact)
+    touching = arguments.check_list_of("contacts", contacts, Contact)
     if touching and method == "prediction_error":
         rule = "is not supported with contacts"
         raise InputError(Problem("method", rule, hint='Use method="output_error".'))
-    random = np.random.default_rng(check_count("seed", seed, 0, 2**63 - 1))
+    random = np.random.default_rng(arguments.check_count("seed", seed, 0, 2**63 - 1))
     fitted = check_some_records(records)
     held_out = check_records("validation", validation)
     for name in held_out:
@@ -264,20 +251,20 @@ def _warn_of_poor_fits(fit: xr.Dataset, records: Mapping[str, MeasuredRecord]) -
 def _problem(
     space: Space,
     runs: Sequence[RecordRun],
-    watch: Watch | None,
+    watch: fitting.Watch | None,
     known: Mapping[str, float],
     torque_noise: FloatArray | None,
-) -> FitProblem:
+) -> fitting.FitProblem:
     """Return the problem of the method: that of its runs."""
     predicted = [run for run in runs if isinstance(run, PredictedRun)]
     if predicted:
         return PredictionProblem(space, predicted, watch, known, torque_noise)
-    return FitProblem(space, runs, watch, known)
+    return fitting.FitProblem(space, runs, watch, known)
 
 
 def _check_method(method: str, torque_noise: Any, loss: str, arm: Arm) -> FloatArray | None:
     """Return the torque noise (joints,), or None if it is estimated or not used."""
-    check_choice("method", method, METHODS)
+    arguments.check_choice("method", method, METHODS)
     if method == "output_error":
         if torque_noise is not None:
             raise InputError(Problem("torque_noise", "requires method='prediction_error'"))
@@ -288,7 +275,7 @@ def _check_method(method: str, torque_noise: Any, loss: str, arm: Arm) -> FloatA
         raise InputError(Problem("loss", f"{loss} cannot be combined with prediction_error"))
     if torque_noise is None:
         return None
-    given = check_each("torque_noise", torque_noise, arm.joints)
+    given = arguments.check_each("torque_noise", torque_noise, arm.joints)
     if np.any(given < 0.0):
         raise InputError(Problem("torque_noise", "not be negative", shown(torque_noise)))
     return np.broadcast_to(given, arm.joints).copy()
@@ -316,16 +303,16 @@ def _check_currents(records: Mapping[str, MeasuredRecord], motors: Motors | None
 
 
 def _best(
-    problem: FitProblem, count: int, random: np.random.Generator, loss: str, iterations: int
-) -> tuple[list[float], Fit]:
+    problem: fitting.FitProblem, count: int, random: np.random.Generator, loss: str, iterations: int
+) -> tuple[list[float], fitting.Fit]:
     """Return the costs of all starts, NaN for those that failed, and the best fit."""
     costs: list[float] = []
-    best: Fit | None = None
+    best: fitting.Fit | None = None
     for k in range(count):
-        start = problem.space.start if k == 0 else random_start(problem.space, random)
+        start = problem.space.start if k == 0 else fitting.random_start(problem.space, random)
         try:
-            fit = fit_from(problem, start, loss, iterations)
-        except FitFailure as error:
+            fit = fitting.fit_from(problem, start, loss, iterations)
+        except fitting.FitFailure as error:
             problem.failure = str(error)
             costs.append(np.nan)
             continue
@@ -342,7 +329,7 @@ def _predicted(
     arm: Arm,
     motors: Motors | None,
     free: Sequence[FreeParameter],
-    best: Fit,
+    best: fitting.Fit,
     iterations: int,
 ) -> FloatArray:
     """Return the outputs of a record that was not fitted."""
@@ -351,17 +338,17 @@ def _predicted(
     problem = _problem(space, [run], None, best.noise, best.torque_noise)
     try:
         if space.slots:
-            return fit_from(problem, space.start, "linear", iterations).outputs[0]
+            return fitting.fit_from(problem, space.start, "linear", iterations).outputs[0]
         problem.prepare(space.start)
         outputs = problem.outputs(space.start)
-    except FitFailure as error:
+    except fitting.FitFailure as error:
         raise SimulationError(0.0, str(error)) from None
     if outputs is None:
         raise SimulationError(0.0, problem.failure)
     return outputs[0]
 
 
-def _watch(progress: bool | None) -> Watch | None:
+def _watch(progress: bool | None) -> fitting.Watch | None:
     """Return a function that prints the fit of each channel, or None."""
     if progress is False or (progress is None and not sys.stderr.isatty()):
         return None

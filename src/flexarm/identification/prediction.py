@@ -59,7 +59,22 @@ class PredictedRun(RecordRun):
     def __init__(
         self, name: str, record: MeasuredRecord, arm: Arm, options: Mapping[str, Any]
     ) -> None:
-        problems = _problems(name, record)
+        settings, problems = record.settings, []
+        with_error = "is not supported with prediction_error"
+        if record.controller is not None:
+            hint = "Use the measured torque as the input."
+            problems.append(Problem("controller", with_error, hint=hint))
+        if settings.prescribed:
+            problems.append(Problem("prescribed", with_error))
+        names = dict.fromkeys(label.channel for label in record.outputs)
+        for channel in names:
+            if channel not in LINEAR_SIGNALS:
+                hint = f"Choose outputs from {', '.join(LINEAR_SIGNALS)}."
+                problems.append(Problem(f"outputs: {channel}", with_error, hint=hint))
+            for item in settings.filters.get(channel, ()):
+                if item.kind not in ("gain", "remove_mean"):
+                    problems.append(Problem(f"filters: {channel}", f"{item.kind} {with_error}"))
+        problems = [replace(problem, where=name) for problem in problems]
         if problems:
             raise InputError(*problems)
         super().__init__(name, record, arm, options)
@@ -196,26 +211,6 @@ class PredictedRun(RecordRun):
         return np.asarray(mean + (held - mean) / (1.0 - self._parts**-2))
 
 
-def _problems(name: str, record: MeasuredRecord) -> list[Problem]:
-    """Return what prediction errors do not support."""
-    settings, problems = record.settings, []
-    with_error = "is not supported with prediction_error"
-    if record.controller is not None:
-        hint = "Use the measured torque as the input."
-        problems.append(Problem("controller", with_error, hint=hint))
-    if settings.prescribed:
-        problems.append(Problem("prescribed", with_error))
-    names = dict.fromkeys(label.channel for label in record.outputs)
-    for channel in names:
-        if channel not in LINEAR_SIGNALS:
-            hint = f"Choose outputs from {', '.join(LINEAR_SIGNALS)}."
-            problems.append(Problem(f"outputs: {channel}", with_error, hint=hint))
-        for item in settings.filters.get(channel, ()):
-            if item.kind not in ("gain", "remove_mean"):
-                problems.append(Problem(f"filters: {channel}", f"{item.kind} {with_error}"))
-    return [replace(problem, where=name) for problem in problems]
-
-
 #: First guess of the torque noise, as a fraction of the RMS of the torques.
 _GUESS = 0.1
 #: Linearisations at the start of a fit.
@@ -246,7 +241,10 @@ class PredictionProblem(FitProblem):
     ) -> None:
         super().__init__(space, runs, watch, known)
         self._given = torque_noise
-        self._scale = _size_of_torques(space, runs)
+        # The scale is the RMS (joints,) of the torques of all records, N m; 1 without torques.
+        squares = [run.torque_power(space.case(k, space.start)) for k, run in enumerate(runs)]
+        size = np.sqrt(np.mean(squares, axis=0))
+        self._scale = np.asarray(np.where(size > 0.0, size, size.max() or 1.0))
         self.torque_noise = self._first_guess()
 
     def _first_guess(self) -> FloatArray:
@@ -356,13 +354,6 @@ class PredictionProblem(FitProblem):
         for run, own in zip(self.runs, gains, strict=True):
             run.gains = own
         self._last = None  # the derivatives depend on the gains
-
-
-def _size_of_torques(space: Space, runs: Sequence[PredictedRun]) -> FloatArray:
-    """Return the RMS (joints,) of the torques of all records, N m; 1 without torques."""
-    squares = [run.torque_power(space.case(k, space.start)) for k, run in enumerate(runs)]
-    size = np.sqrt(np.mean(squares, axis=0))
-    return np.asarray(np.where(size > 0.0, size, size.max() or 1.0))
 
 
 #: Range of estimated intensities, as factors on their scales, and their relative step for slopes.

@@ -23,19 +23,7 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.control.contract.base import Controller, Reference
-from flexarm.identification.record import (
-    FEWEST,
-    MEASURED,
-    Label,
-    MeasuredRecord,
-    check_label,
-    dataset_of,
-    factor_of,
-    is_number,
-    label_of,
-    split_unit,
-    without_phase,
-)
+from flexarm.identification import record
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
@@ -69,7 +57,7 @@ def read_record(
     reference: Reference | None = None,
     hardware: Hardware | None = None,
     **settings: Any,
-) -> MeasuredRecord:
+) -> record.MeasuredRecord:
     """Read a record of measurements from a .csv, .mat, .nc or .parquet file.
 
     Args:
@@ -117,38 +105,40 @@ def record_of_file(
     controller: Controller | None = None,
     reference: Reference | None = None,
     hardware: Hardware | None = None,
-) -> MeasuredRecord:
+) -> record.MeasuredRecord:
     """Read the record of a description from a file; the path in the description is not used."""
     table = _read_table(file, description.encoding, description.skip)
-    names = {split_unit(header)[0]: header for header in table}
+    names = {record.split_unit(header)[0]: header for header in table}
     columns = _columns(description, table, names)
     times, columns = _uniform(description, _times(description, table, names), columns)
     fields = {name: getattr(description, name) for name in RecordSettings.model_fields}
     chosen = RecordSettings(**fields)
-    data = dataset_of(times, columns).assign_attrs(_attributes_of(file))
-    return MeasuredRecord(
+    data = record.dataset_of(times, columns).assign_attrs(_attributes_of(file))
+    return record.MeasuredRecord(
         data, chosen, controller=controller, reference=reference, hardware=hardware
     )
 
 
 def _columns(
     description: RecordFile, table: _Table, names: Mapping[str, str]
-) -> dict[Label, FloatArray]:
+) -> dict[record.Label, FloatArray]:
     """Return the measured columns in SI units; none of them is without numbers."""
-    columns: dict[Label, FloatArray] = {}
+    columns: dict[record.Label, FloatArray] = {}
     problems: list[Problem] = []
-    chosen = description.channels or {name: Column(column=name) for name in names if label_of(name)}
+    chosen = description.channels or {
+        name: Column(column=name) for name in names if record.label_of(name)
+    }
     if not chosen:
         hint = f"Columns: {', '.join(list(table)[:20])}."
         raise InputError(Problem("channels", "is required: no column is a channel", hint=hint))
     for text, column in chosen.items():
         place = f"channels.{text}"
         try:
-            label = check_label("channels", text)
+            label = record.check_label("channels", text)
             header = _header(place, column.column, table, names)
-            unit = column.unit or split_unit(header)[1]
-            si = MEASURED[label.channel].unit
-            factor = factor_of(place, unit, si) if unit else 1.0
+            unit = column.unit or record.split_unit(header)[1]
+            si = record.MEASURED[label.channel].unit
+            factor = record.factor_of(place, unit, si) if unit else 1.0
         except InputError as error:
             problems += error.problems
             continue
@@ -179,24 +169,20 @@ def _times(description: RecordFile, table: _Table, names: Mapping[str, str]) -> 
         hint = f"Columns: {', '.join(list(table)[:20])}."
         raise InputError(Problem("time", "or sample_time is required", hint=hint))
     header = _header("time", name, table, names)
-    unit = description.time_unit or split_unit(header)[1]
-    times = table[header] * (factor_of("time", unit, "s") if unit else 1.0)
+    unit = description.time_unit or record.split_unit(header)[1]
+    times = table[header] * (record.factor_of("time", unit, "s") if unit else 1.0)
     missing = np.flatnonzero(~np.isfinite(times))
     if missing.size:
         hint = "Omit lines before the header with skip, and lines of text after the samples."
         raise InputError(Problem("time", f"has no number in sample {missing[0] + 1}", hint=hint))
-    return _increasing(times)
-
-
-def _increasing(times: FloatArray) -> FloatArray:
-    """Return times that increase; equal intervals replace those that a file has rounded."""
+    # Equal intervals replace those that a file has rounded.
     uniform = np.linspace(times[0], times[-1], times.size)
     interval = (times[-1] - times[0]) / max(times.size - 1, 1)
-    unit = _last_digit(times)
+    digit = _last_digit(times)
     error = float(np.abs(times - uniform).max())
-    if 1e-6 * interval < error <= unit and unit > _COARSE * interval > 0.0:
+    if 1e-6 * interval < error <= digit and digit > _COARSE * interval > 0.0:
         warn_caller(
-            f"the times are rounded to {unit:g} s; equal intervals of {interval:.6g} s replace "
+            f"the times are rounded to {digit:g} s; equal intervals of {interval:.6g} s replace "
             "them. Give sample_time instead of a column of the time.",
             FlexarmWarning,
         )
@@ -206,8 +192,8 @@ def _increasing(times: FloatArray) -> FloatArray:
         k = int(wrong[0]) + 1
         rule = f"must increase from sample to sample, but sample {k + 1} is at {times[k]:.9g} s"
         hint = "Remove repeated samples, or split the file."
-        if times[k] == times[k - 1] and unit > _COARSE * interval:
-            hint = f"The times are rounded to {unit:g} s. Give sample_time instead, or split gaps."
+        if times[k] == times[k - 1] and digit > _COARSE * interval:
+            hint = f"The times are rounded to {digit:g} s. Give sample_time instead, or split gaps."
         raise InputError(Problem("time", rule, hint=hint))
     return times
 
@@ -223,8 +209,8 @@ def _last_digit(times: FloatArray) -> float:
 
 
 def _uniform(
-    description: RecordFile, times: FloatArray, columns: dict[Label, FloatArray]
-) -> tuple[FloatArray, dict[Label, FloatArray]]:
+    description: RecordFile, times: FloatArray, columns: dict[record.Label, FloatArray]
+) -> tuple[FloatArray, dict[record.Label, FloatArray]]:
     """Return uniform times from 0 and the columns at them."""
     for label, column in columns.items():
         if column.size != times.size:
@@ -235,14 +221,14 @@ def _uniform(
     margin = 1e-9 * float(np.ptp(times))  # of rounded times
     inside = (times >= first - margin) & (times <= last + margin)
     times = times[inside]
-    if times.size < FEWEST:
-        rule = f"has fewer than {FEWEST} samples between start and end"
+    if times.size < record.FEWEST:
+        rule = f"has fewer than {record.FEWEST} samples between start and end"
         raise InputError(Problem("the record", rule))
     typical = float(np.median(np.diff(times)))
     rate = description.rate or _rounded(1.0 / typical)
     samples = (times[-1] - times[0]) * rate * (1 + 1e-9) + 1e-6 + 1.0
-    if not FEWEST <= samples <= MOST_SAMPLES:
-        rule = f"have {FEWEST} to {MOST_SAMPLES:.0e} samples"
+    if not record.FEWEST <= samples <= MOST_SAMPLES:
+        rule = f"have {record.FEWEST} to {MOST_SAMPLES:.0e} samples"
         raise InputError(Problem("the record", rule, f"{samples:.3g} at {rate:g} Hz"))
     count = int(samples)
     grid = times[0] + np.arange(count) / rate
@@ -250,7 +236,13 @@ def _uniform(
     for label, column in columns.items():
         values = column[inside]
         if rate * typical < 1.0 / _GAP:
-            values = _without_fast(values, times, rate)
+            # Content above 0.4 times the rate would be aliased.
+            good = np.isfinite(values)
+            uniform = np.linspace(times[0], times[-1], times.size)
+            filled = np.interp(uniform, times[good], values[good])
+            given = (times.size - 1) / (times[-1] - times[0])
+            smooth = record.without_phase(filled, _ANTI_ALIAS * rate, given, 4)
+            values = np.where(good, np.interp(times, uniform, smooth), np.nan)
         resampled[label] = _interpolated(grid, times, values, typical)
     return grid - times[0], resampled
 
@@ -261,16 +253,6 @@ def _rounded(rate: float) -> float:
         return rate
     nearest_whole = round(rate)
     return float(nearest_whole) if abs(rate - nearest_whole) < 1e-3 * rate else rate
-
-
-def _without_fast(values: FloatArray, times: FloatArray, rate: float) -> FloatArray:
-    """Return values without content above 0.4 times a rate (Hz), which would be aliased."""
-    good = np.isfinite(values)
-    uniform = np.linspace(times[0], times[-1], times.size)
-    filled = np.interp(uniform, times[good], values[good])
-    given = (times.size - 1) / (times[-1] - times[0])
-    smooth = without_phase(filled, _ANTI_ALIAS * rate, given, 4)
-    return np.where(good, np.interp(times, uniform, smooth), np.nan)
 
 
 def _interpolated(
@@ -337,7 +319,8 @@ def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
     cells = [[cell.strip() for cell in line.split(mark)] for line in lines[:3]]
     units: list[str] = []
     numeric = [
-        any(is_number(cell.strip('"').replace(decimal, ".")) for cell in row) for row in cells
+        any(record.is_number(cell.strip('"').replace(decimal, ".")) for cell in row)
+        for row in cells
     ]
     if numeric == [False, False, True]:
         units = [cell.strip('"[]() ') for cell in cells[1]]
@@ -351,7 +334,7 @@ def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
     )
     if len(units) == len(frame.columns):
         frame.columns = [
-            f"{name} [{unit}]" if unit not in _UNITLESS and not split_unit(name)[1] else name
+            f"{name} [{unit}]" if unit not in _UNITLESS and not record.split_unit(name)[1] else name
             for name, unit in zip(map(str, frame.columns), units, strict=True)
         ]
     return _of_frame(frame)
@@ -422,7 +405,13 @@ def _netcdf(path: Path) -> _Table:
                 continue
             unit = str(array.attrs.get("units", ""))
             rows = np.asarray(array.values, dtype=np.float64).reshape(array.shape[0], -1)
-            labels = _labels(array)
+            # Suffixes are those of a CSV file of a result.
+            labels = [""]
+            for dimension in array.dims[1:]:
+                index: Any = array[dimension].values if dimension in array.coords else []
+                numbered = len(index) == 0 or dimension == "gauge"
+                own = range(1, array.sizes[dimension] + 1) if numbered else index
+                labels = [f"{label}_{item}" for label in labels for item in own]
             for label, column in zip(labels, rows.T, strict=True):
                 columns[f"{name}{label} [{unit}]" if unit else f"{name}{label}"] = column
     return columns
@@ -436,17 +425,6 @@ def _attributes_of(path: Path) -> dict[str, Any]:
         return {}
     with xr.open_dataset(path, engine=_engine(path), decode_times=False) as dataset:
         return dict(dataset.attrs)
-
-
-def _labels(array: Any) -> list[str]:
-    """Return the suffixes of the columns of a variable, as in a CSV file of a result."""
-    labels = [""]
-    for dimension in array.dims[1:]:
-        index = array[dimension].values if dimension in array.coords else []
-        numbered = len(index) == 0 or dimension == "gauge"
-        own = range(1, array.sizes[dimension] + 1) if numbered else index
-        labels = [f"{label}_{item}" for label in labels for item in own]
-    return labels
 
 
 def _engine(path: Path) -> str:

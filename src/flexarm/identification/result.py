@@ -68,11 +68,9 @@ def pair_sums(values: FloatArray, lags: int) -> FloatArray:
 def correlation_of(
     residuals: FloatArray, valid: NDArray[np.bool_], lags: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return correlations (lags + 1,) of residuals (samples,), and the pairs of valid samples.
-
-    The residuals are zero where missing. Each covariance is the mean over the pairs of its lag; a
-    lag without pairs has the correlation zero.
-    """
+    """Return correlations (lags + 1,) of residuals (samples,), and the pairs of valid samples."""
+    # The residuals are zero where missing. Each covariance is the mean over the pairs of its lag; a
+    # lag without pairs has the correlation zero.
     pairs = np.rint(pair_sums(valid.astype(np.float64), lags))
     covariance = pair_sums(residuals, lags) / np.maximum(pairs, 1.0)
     if covariance[0] <= 0.0:
@@ -131,11 +129,9 @@ def independence(
 def cross_correlation(
     residuals: FloatArray, valid: NDArray[np.bool_], signal: FloatArray, lags: int = LAGS
 ) -> tuple[FloatArray, float]:
-    """Return correlations (lags + 1,) of residuals with a signal, and their standard deviation.
-
-    The deviation is that without a relation, with the correlation over time of both. At lag k the
-    signal is that of k samples before.
-    """
+    """Return correlations (lags + 1,) of residuals with a signal, and their standard deviation."""
+    # The deviation is that without a relation, with the correlation over time of both. At lag k the
+    # signal is that of k samples before.
     residuals, signal = centred(residuals, valid), signal - signal.mean()
     size = float(np.linalg.norm(residuals) * np.linalg.norm(signal))
     if size == 0.0:
@@ -188,11 +184,9 @@ def significant_lag(residuals: FloatArray, valid: NDArray[np.bool_]) -> int:
 
 
 def covariance_of(columns: Sequence[Column], priors: FloatArray) -> FloatArray:
-    """Return the covariance of the estimates; ``priors`` (parameters,) are inverse variances.
-
-    A parameter without information has an infinite variance, and a combination of others without
-    information a very large one.
-    """
+    """Return the covariance of the estimates; ``priors`` (parameters,) are inverse variances."""
+    # A parameter without information has an infinite variance, and a combination of others without
+    # information a very large one.
     curvature = information(columns) + np.diag(priors)
     known = np.diag(curvature) > 0.0
     covariance = np.diag(np.where(known, 0.0, np.inf))

@@ -77,7 +77,16 @@ class RecordRun:
         )
         self._places = [place_of(arm, label) for label in self.labels]
         self.channels = list(dict.fromkeys(label.channel for label in self.labels))
-        self._drive = self._drive_of_joints()
+        joints, record = self._arm.joints, self.record
+        samples = np.zeros((self.times.size, joints))
+        for label, column in record.inputs.items():
+            samples[:, place_of(self._arm, label)] = column
+        settings = record.settings
+        history = sampled_torque(
+            samples, record.rate, record.duration, joints, record.interpolation
+        )
+        delay = settings.delays.get(record.input, 0.0)
+        self._drive = delayed(history, delay) if delay else history
         self._prescribed = self._prescribed_joints()
         self._angles = self._start_angles()
 
@@ -196,11 +205,9 @@ class RecordRun:
         return self.changes({name: values[..., None] for name, values in channels.items()})[..., 0]
 
     def changes(self, channels: Mapping[str, FloatArray]) -> FloatArray:
-        """Return the outputs (samples, channels, n) for channels (samples, ..., n).
-
-        The way from a channel to an output is linear: n derivatives of the channels give those of
-        the outputs.
-        """
+        """Return the outputs (samples, channels, n) for channels (samples, ..., n)."""
+        # The way from a channel to an output is linear: n derivatives of the channels give those of
+        # the outputs.
         columns = []
         for label, place, path in zip(self.labels, self._places, self._paths, strict=True):
             values = channels[label.channel]
@@ -232,19 +239,6 @@ class RecordRun:
             return self._drive
         return replace(self._drive, coefficients=self._drive.coefficients * constant)
 
-    def _drive_of_joints(self) -> PiecewiseCubic:
-        """Return the input over time (joints,), with its delay."""
-        joints, record = self._arm.joints, self.record
-        samples = np.zeros((self.times.size, joints))
-        for label, column in record.inputs.items():
-            samples[:, place_of(self._arm, label)] = column
-        settings = record.settings
-        history = sampled_torque(
-            samples, record.rate, record.duration, joints, record.interpolation
-        )
-        delay = settings.delays.get(record.input, 0.0)
-        return delayed(history, delay) if delay else history
-
     def _prescribed_joints(self) -> dict[int, PrescribedAngle]:
         record, settings = self.record, self.record.settings
         if not settings.prescribed:
@@ -255,7 +249,12 @@ class RecordRun:
         for joint in settings.prescribed:
             angles = measured[Label("joint_angle", joint)]
             if settings.prescribed_cutoff is not None:
-                angles = _smooth(angles, settings.prescribed_cutoff, record.rate)
+                # The filter is of fourth order without phase shift.
+                cutoff = settings.prescribed_cutoff
+                if cutoff >= 0.5 * record.rate:
+                    rule = f"be less than half the rate ({0.5 * record.rate:g} Hz)"
+                    raise InputError(Problem("prescribed_cutoff", rule, f"{cutoff:g}"))
+                angles = without_phase(angles, cutoff, record.rate, 2)
             angles = np.interp(self.times + delay, self.times, angles)
             histories[joint] = PrescribedAngle.table(self.times, angles, "free")
         return histories
@@ -284,14 +283,6 @@ def delayed(history: PiecewiseCubic, delay: float) -> PiecewiseCubic:
         coefficients=np.concatenate([first, history.coefficients]),
         stops=stops[stops > 0.0],
     )
-
-
-def _smooth(values: FloatArray, cutoff: float, rate: float) -> FloatArray:
-    """Return values after a low-pass filter of fourth order without phase shift."""
-    if cutoff >= 0.5 * rate:
-        rule = f"be less than half the rate ({0.5 * rate:g} Hz)"
-        raise InputError(Problem("prescribed_cutoff", rule, f"{cutoff:g}"))
-    return without_phase(values, cutoff, rate, 2)
 
 
 def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:

@@ -66,10 +66,8 @@ class TimeTable(Record):
 
     @staticmethod
     def _order_fault(times: Sequence[float]) -> tuple[int, str] | None:
-        """Return the index of the first time out of order and the rule; None if there is none.
-
-        Times ascend. Two equal times are a jump; a third equal time would be ambiguous.
-        """
+        """Return the index of the first time out of order and the rule; None if there is none."""
+        # Times ascend. Two equal times are a jump; a third equal time would be ambiguous.
         for k in range(1, len(times)):
             if times[k] < times[k - 1]:
                 return k, f"be at least {times[k - 1]:.9g} (the previous time)"
@@ -524,10 +522,8 @@ def _area(points: Sequence[Point]) -> float:
 
 
 def _crossings(points: Sequence[Point]) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of sides of a closed polygon that cross, with the smaller number first.
-
-    Sides are sorted along the longer axis, so that a side is compared with its neighbours only.
-    """
+    """Yield the pairs of sides of a closed polygon that cross, with the smaller number first."""
+    # Sides are sorted along the longer axis, so that a side is compared with its neighbours only.
     axis = 0 if _extent(points, 0) >= _extent(points, 1) else 1
     last = len(points) - 2
     spans = [sorted((points[k][axis], points[k + 1][axis])) for k in range(last + 1)]

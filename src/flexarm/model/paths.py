@@ -74,10 +74,8 @@ def with_number(record: R, path: str, value: Any, *, checked: bool = True) -> R:
 
 
 def with_numbers(record: R, values: Mapping[str, Any]) -> R:
-    """Return a copy of a record with other numbers, by paths that ``number_at`` accepts.
-
-    All numbers are set before the copy is validated, so their order has no effect.
-    """
+    """Return a copy of a record with other numbers, by paths that ``number_at`` accepts."""
+    # All numbers are set before the copy is validated, so their order has no effect.
     for path, value in values.items():
         record = with_number(record, path, value, checked=False)
     for path, value in values.items():  # validates all records that contain the number

@@ -163,31 +163,27 @@ def implausible(spec: ArmSpec) -> list[str]:
     findings: list[str] = []
     # Products of numbers near the limits of floats; such arms cannot be assembled either.
     with suppress(OverflowError, ZeroDivisionError):
-        _judge(findings, spec)
+        x, y = spec.gravity
+        judge_fact(findings, "gravity", math.hypot(x, y), "m/s^2")
+        if 9.7 < y <= 10.0 and abs(x) < 0.01 * y:  # upward, and that of the Earth
+            text = f"gravity is [{x:g}, {y:g}] m/s^2, upward: did you mean [{x:g}, {-y:g}]?"
+            findings.append(f"{text} It is right if your y axis points down.")
+        for i, link in enumerate(spec.links):
+            _judge_link(findings, f"links[{i}]", link)
+        if len(spec.links) > 1:
+            _judge_lengths(findings, spec)
+        reach = sum(link.reach for link in spec.links)
+        for i, joint in enumerate(spec.joints):
+            _judge_angles(findings, f"joints[{i}]", joint, reach)
+            _judge_distance(findings, f"joints[{i}].offset", joint.offset, reach)
+        for k, closure in enumerate(spec.closures):
+            _judge_distance(findings, f"closures[{k}].offset", closure.offset, reach)
+            _judge_distance(findings, f"closures[{k}].to_offset", closure.to_offset, reach)
+            _judge_angle(findings, f"closures[{k}].angle", closure.angle, _REST)
+        _judge_distance(findings, "payload.offset", spec.payload.offset, reach, _OFFSET)
+        if not findings:
+            judge_masses(findings, spec)
     return findings
-
-
-def _judge(findings: list[str], spec: ArmSpec) -> None:
-    x, y = spec.gravity
-    judge_fact(findings, "gravity", math.hypot(x, y), "m/s^2")
-    if 9.7 < y <= 10.0 and abs(x) < 0.01 * y:  # upward, and that of the Earth
-        text = f"gravity is [{x:g}, {y:g}] m/s^2, upward: did you mean [{x:g}, {-y:g}]?"
-        findings.append(f"{text} It is right if your y axis points down.")
-    for i, link in enumerate(spec.links):
-        _judge_link(findings, f"links[{i}]", link)
-    if len(spec.links) > 1:
-        _judge_lengths(findings, spec)
-    reach = sum(link.reach for link in spec.links)
-    for i, joint in enumerate(spec.joints):
-        _judge_angles(findings, f"joints[{i}]", joint, reach)
-        _judge_distance(findings, f"joints[{i}].offset", joint.offset, reach)
-    for k, closure in enumerate(spec.closures):
-        _judge_distance(findings, f"closures[{k}].offset", closure.offset, reach)
-        _judge_distance(findings, f"closures[{k}].to_offset", closure.to_offset, reach)
-        _judge_angle(findings, f"closures[{k}].angle", closure.angle, _REST)
-    _judge_distance(findings, "payload.offset", spec.payload.offset, reach, _OFFSET)
-    if not findings:
-        judge_masses(findings, spec)
 
 
 def _judge_link(findings: list[str], at: str, link: Link) -> None:
@@ -297,42 +293,32 @@ def _judge_lengths(findings: list[str], spec: ArmSpec) -> None:
 def _judge_angles(findings: list[str], at: str, joint: Joint, reach: float) -> None:
     """Judge the angles and the gear of a joint; lengths of a sliding joint by the arm's reach."""
     _judge_angle(findings, f"{at}.mounting_angle", joint.mounting_angle, _REST)
+    names = () if joint.limits is None else ("lower", "upper")
+    ends = {f"limits.{name}": getattr(joint.limits, name) for name in names}
+    # A power of ten is a stop that is never reached, such as 1000 rad.
+    reached = {name: end for name, end in ends.items() if not _distant(end)}
+    inverse = 1.0 / joint.gear_ratio
     if joint.kind == "prismatic":
-        _judge_lengths_of_slide(findings, at, joint, reach)
-        return
-    _judge_angle(findings, f"{at}.rest_angle", joint.rest_angle, _REST)
-    _judge_angle(findings, f"{at}.backlash", joint.backlash, _BACKLASH)
-    if joint.limits is not None:
-        ends = {name: getattr(joint.limits, name) for name in ("lower", "upper")}
-        # A power of ten is a stop that is never reached, such as 1000 rad.
-        reached = {k: end for k, end in ends.items() if not _distant(end)}
-        text = about_degrees(f"{at}.limits", ends.values()) if reached == ends else ""
-        if text:
-            findings.append(text)
-        for name, end in () if text else reached.items():
-            number = Number(f"{at}.limits.{name}", end, "rad")
+        lengths = [("rest_angle", joint.rest_angle, _STROKE), ("backlash", joint.backlash, _PLAY)]
+        lengths += [(name, end, _STROKE) for name, end in reached.items()]
+        for name, length, within in lengths:
+            number = Number(f"{at}.{name}", length, "m")
+            judge(findings, abs(length) / reach, within, _REACHES, number)
+        text = f" rad/m, as of a wheel with a radius of {inverse:.4g} m"
+        meant = f"{inverse:.4g} rad/m"
+    else:
+        _judge_angle(findings, f"{at}.rest_angle", joint.rest_angle, _REST)
+        _judge_angle(findings, f"{at}.backlash", joint.backlash, _BACKLASH)
+        degrees = about_degrees(f"{at}.limits", ends.values()) if reached == ends != {} else ""
+        findings += [degrees] if degrees else []
+        for name, end in () if degrees else reached.items():
             turns = f"{abs(end) / (2.0 * math.pi):.3g} turns"
-            judge(findings, abs(end), _STOP, turns, number)
+            judge(findings, abs(end), _STOP, turns, Number(f"{at}.{name}", end, "rad"))
+        text = ", less than one turn of the motor per turn of the joint"
+        meant = f"{inverse:.4g}"
     if joint.gear_ratio < _GEAR:
-        findings.append(
-            f"{at}.gear_ratio is {joint.gear_ratio:.4g}, less than one turn of the motor per turn "
-            f"of the joint: did you mean {1.0 / joint.gear_ratio:.4g}?"
-        )
-
-
-def _judge_lengths_of_slide(findings: list[str], at: str, joint: Joint, reach: float) -> None:
-    lengths = [("rest_angle", joint.rest_angle, _STROKE), ("backlash", joint.backlash, _PLAY)]
-    if joint.limits is not None:
-        ends = [("limits.lower", joint.limits.lower), ("limits.upper", joint.limits.upper)]
-        lengths += [(name, end, _STROKE) for name, end in ends if not _distant(end)]
-    for name, length, within in lengths:
-        number = Number(f"{at}.{name}", length, "m")
-        judge(findings, abs(length) / reach, within, _REACHES, number)
-    if joint.gear_ratio < _GEAR:
-        findings.append(
-            f"{at}.gear_ratio is {joint.gear_ratio:.4g} rad/m, as of a wheel with a radius of "
-            f"{1.0 / joint.gear_ratio:.4g} m: did you mean {1.0 / joint.gear_ratio:.4g} rad/m?"
-        )
+        value = f"{at}.gear_ratio is {joint.gear_ratio:.4g}"
+        findings.append(f"{value}{text}: did you mean {meant}?")
 
 
 def _distant(angle: float) -> bool:
@@ -404,14 +390,17 @@ def judge_masses(findings: list[str], spec: ArmSpec) -> None:
     parts = _outboard(spec, beams)
     for i, (joint, part) in enumerate(zip(spec.joints, parts, strict=True)):
         if not joint.fixed and part.mass and part.inertia:
-            at, torque = f"joints[{i}]", weight * abs(part.first)
-            if joint.kind == "prismatic":
-                _judge_slide(findings, at, joint, part, weight * part.mass)
-                continue
-            _judge_joint(findings, at, joint, part, torque, falls)
-            if joint.elastic:
+            _judge_joint(findings, f"joints[{i}]", joint, part, weight, falls)
+            if joint.elastic and joint.kind == "revolute":
+                torque, before = weight * abs(part.first), len(findings)
                 bends = beams[i] if spec.links[i].flexible else None
-                _judge_spring(findings, at, joint, bends, torque, falls)
+                number = Number(f"joints[{i}].stiffness", joint.stiffness, "N m/rad")
+                statement = "so soft that the weight of the horizontal arm turns it by {ratio} rad"
+                twist, within = torque / joint.stiffness, _TWIST if falls else _FREE_TWIST
+                judge(findings, twist, within, statement, number._replace(power=-1.0))
+                if bends is not None and len(findings) == before:
+                    ratio = joint.stiffness * bends.length / bends.rigidity
+                    judge(findings, ratio, _SPRING, "{ratio} times that of its link", number)
 
 
 def weights(spec: ArmSpec) -> list[float]:
@@ -523,50 +512,39 @@ def _judge_payload(
         judge(findings, ratio, _GYRATION, statement, number)
 
 
-def _judge_slide(findings: list[str], at: str, joint: Joint, part: _Part, force: float) -> None:
-    """Judge the masses and the friction of a sliding joint by the arm outboard of it."""
-    others = "times that of the arm outboard of the joint"
-    if joint.rotor_inertia:
-        number = Number(f"{at}.rotor_inertia", joint.rotor_inertia, "kg m^2")
-        ratio = joint.rotor_inertia * joint.gear_ratio**2 / part.mass
-        statement = "behind the gear {ratio} times the mass of the arm outboard of the joint"
-        judge(findings, ratio, _ROTOR, statement, number)
-    if joint.mass:
-        number = Number(f"{at}.mass", joint.mass, "kg")
-        judge(findings, joint.mass / part.mass, _MASS, f"{{ratio}} {others}", number)
-    if joint.friction is not None and force:
-        number = Number(f"{at}.friction.coulomb", joint.friction.coulomb, "N")
-        statement = "{ratio} times the weight of the arm outboard of the joint"
-        judge(findings, joint.friction.coulomb / force, _FRICTION, statement, number)
-
-
 def _judge_joint(
-    findings: list[str], at: str, joint: Joint, part: _Part, torque: float, falls: bool
+    findings: list[str], at: str, joint: Joint, part: _Part, weight: float, falls: bool
 ) -> None:
     """Judge the inertias, the friction and the motor of a joint by the arm outboard of it."""
-    others = "times that of the arm outboard of the joint"
-    if joint.hub_inertia:
-        number = Number(f"{at}.hub_inertia", joint.hub_inertia, "kg m^2")
-        judge(
-            findings, joint.hub_inertia / part.inertia, _HUB_INERTIA, f"{{ratio}} {others}", number
-        )
-    if joint.rotor_inertia:
-        number = Number(f"{at}.rotor_inertia", joint.rotor_inertia, "kg m^2")
-        ratio = joint.rotor_inertia * joint.gear_ratio**2 / part.inertia
-        judge(findings, ratio, _ROTOR, f"behind the gear {{ratio}} {others}", number)
-    if joint.mass:
-        number = Number(f"{at}.mass", joint.mass, "kg")
-        judge(findings, joint.mass / part.mass, _MASS, f"{{ratio}} {others}", number)
-    if joint.friction is not None and torque:
-        number = Number(f"{at}.friction.coulomb", joint.friction.coulomb, "N m")
-        statement = "{ratio} times the torque by which the weight turns the horizontal arm"
-        judge(findings, joint.friction.coulomb / torque, _FRICTION, statement, number)
+    slides, own = joint.kind == "prismatic", "that"
+    inertia, load, unit = part.inertia, weight * abs(part.first), "N m"
+    statement = "{ratio} times the torque by which the weight turns the horizontal arm"
+    if slides:
+        inertia, load, unit, own = part.mass, weight * part.mass, "N", "the mass"
+        statement = "{ratio} times the weight of the arm outboard of the joint"
+    others = "of the arm outboard of the joint"
+    geared = joint.rotor_inertia * joint.gear_ratio**2 / inertia
+    hub = joint.hub_inertia / inertia
+    behind = f"behind the gear {{ratio}} times {own} {others}"
+    rows = (
+        ("hub_inertia", "kg m^2", hub, _HUB_INERTIA, f"{{ratio}} times that {others}"),
+        ("rotor_inertia", "kg m^2", geared, _ROTOR, behind),
+        ("mass", "kg", joint.mass / part.mass, _MASS, f"{{ratio}} times that {others}"),
+    )
+    for name, si, ratio, within, text in rows[slides:]:
+        if getattr(joint, name):
+            judge(findings, ratio, within, text, Number(f"{at}.{name}", getattr(joint, name), si))
+    if joint.friction is not None and load:
+        number = Number(f"{at}.friction.coulomb", joint.friction.coulomb, unit)
+        judge(findings, joint.friction.coulomb / load, _FRICTION, statement, number)
+    if slides:
+        return
     if joint.limits is not None and falls:
         number = Number(f"{at}.limits.stiffness", joint.limits.stiffness, "N m/rad", -1.0)
         statement = "so soft that the weight of the arm turns it beyond the stop by {ratio} rad"
-        judge(findings, torque / joint.limits.stiffness, _BEYOND, statement, number)
+        judge(findings, load / joint.limits.stiffness, _BEYOND, statement, number)
     if joint.winding is not None:
-        _judge_motor(findings, f"{at}.winding", joint, torque if falls else 0.0)
+        _judge_motor(findings, f"{at}.winding", joint, load if falls else 0.0)
 
 
 def _judge_motor(findings: list[str], at: str, joint: Joint, torque: float) -> None:
@@ -584,16 +562,3 @@ def _judge_motor(findings: list[str], at: str, joint: Joint, torque: float) -> N
     volts = torque / joint.torque_per_voltage
     statement = "so that the motor needs {ratio} V to hold the horizontal arm"
     judge(findings, volts, _VOLTAGE, statement, resistance, constant._replace(power=-1.0))
-
-
-def _judge_spring(
-    findings: list[str], at: str, joint: Joint, beam: _Beam | None, torque: float, falls: bool
-) -> None:
-    """Judge the spring of an elastic joint by the weight and by the stiffness of its link."""
-    number, before = Number(f"{at}.stiffness", joint.stiffness, "N m/rad"), len(findings)
-    statement = "so soft that the weight of the horizontal arm turns it by {ratio} rad"
-    twist, within = torque / joint.stiffness, _TWIST if falls else _FREE_TWIST
-    judge(findings, twist, within, statement, number._replace(power=-1.0))
-    if beam is not None and len(findings) == before:
-        ratio = joint.stiffness * beam.length / beam.rigidity
-        judge(findings, ratio, _SPRING, "{ratio} times that of its link", number)

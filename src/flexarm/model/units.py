@@ -8,14 +8,11 @@ with a unit occurs.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 from flexarm.model.wording import Fault, Path
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 _IN_BRACKETS = re.compile(r"\(((?:[^()]|\([^()]*\))*)\)")
 _WORDS = {"m", "s", "kg", "N", "Hz", "rad", "Pa", "J", "A", "V", "ohm", "1", "per"}
@@ -143,7 +140,21 @@ def _has_quantity(value: Any) -> bool:
 def _converted(value: Any, unit: str, maps: bool, path: Path, faults: dict[Path, Fault]) -> Any:
     """Return a value with the numbers in it in SI units; the same object if there are no units."""
     if isinstance(value, str):
-        return _number(value, unit, path, faults)
+        match = _QUANTITY.fullmatch(value) if len(value) <= _LONGEST else None
+        if match is None:
+            return value
+        number, named = match.groups()
+        factor = factor_to(named.strip(), unit)
+        if isinstance(factor, float):
+            # Divide by 1000 rather than multiply by 0.001, which is rounded: 667 mm are 0.667 m.
+            divisor = round(1.0 / factor) if factor < 1.0 else 0
+            whole = divisor and abs(divisor * factor - 1.0) < 1e-15
+            return float(number) / divisor if whole else float(number) * factor
+        rule = _KINDS.get(unit)
+        rule = f"be {rule}" if rule else f"have a unit that converts to {unit}"
+        hint = f"The unit {factor} is not known." if factor else ""
+        faults[path] = Fault(path, rule, " ".join(value.split()), hint)
+        return value
     if isinstance(value, dict):
         items = dict(value) if maps else {}
     elif any(type(item) in (str, list, tuple) for item in value):
@@ -162,24 +173,6 @@ def _converted(value: Any, unit: str, maps: bool, path: Path, faults: dict[Path,
     if isinstance(value, dict):
         return {**value, **changed}
     return [changed.get(k, item) for k, item in enumerate(value)]
-
-
-def _number(text: str, unit: str, path: Path, faults: dict[Path, Fault]) -> Any:
-    match = _QUANTITY.fullmatch(text) if len(text) <= _LONGEST else None
-    if match is None:
-        return text
-    number, named = match.groups()
-    factor = factor_to(named.strip(), unit)
-    if isinstance(factor, float):
-        # Divide by 1000 rather than multiply by 0.001, which is rounded: 667 mm are 0.667 m.
-        divisor = round(1.0 / factor) if factor < 1.0 else 0
-        whole = divisor and abs(divisor * factor - 1.0) < 1e-15
-        return float(number) / divisor if whole else float(number) * factor
-    rule = _KINDS.get(unit)
-    rule = f"be {rule}" if rule else f"have a unit that converts to {unit}"
-    hint = f"The unit {factor} is not known." if factor else ""
-    faults[path] = Fault(path, rule, " ".join(text.split()), hint)
-    return text
 
 
 @lru_cache(maxsize=1000)

@@ -10,16 +10,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
 from flexarm.base.errors import Problem, shown
 from flexarm.base.errors import nearest as nearest
 from flexarm.base.errors import suggestion as suggestion
-
-if TYPE_CHECKING:
-    from pydantic_core import ErrorDetails
 
 Path = tuple[str | int, ...]
 
@@ -80,10 +77,20 @@ def worded(details: ErrorDetails, data: object, known: Iterable[str]) -> Fault:
     if details["type"] == "missing":
         return Fault(path, "is missing")
     if details["type"].startswith("union_tag"):
-        return _wrong_kind(path, value, context)
+        # Without a tag list the tag is missing.
+        if "tag" not in context:
+            return Fault((*path, "kind"), "is missing")
+        choices = _choices(context["expected_tags"])
+        kind = value["kind"] if isinstance(value, dict) else context["tag"]
+        hint = nearest(context["tag"], choices)
+        return Fault((*path, "kind"), f"be one of {context['expected_tags']}", shown(kind), hint)
     fault = Fault(path, _rule(details["type"], context) or details["msg"], shown(value))
     if details["type"] == "float_type":
-        return _not_a_number(fault, value)
+        # An integer beyond the largest float is a number, but not a finite one.
+        if isinstance(value, int) and not isinstance(value, bool):
+            return replace(fault, rule="be a finite number")
+        hint = "Write the bare number, in SI units." if isinstance(value, str) else ""
+        return replace(fault, rule="be a number", hint=hint)
     if details["type"] == "literal_error":
         return replace(fault, hint=nearest(value, _choices(context["expected"])))
     return fault
@@ -114,24 +121,6 @@ def _rule(kind: str, context: dict[str, Any]) -> str:
             return "be a mapping of keys to values"
         case _:
             return ""
-
-
-def _wrong_kind(path: Path, value: Any, context: dict[str, Any]) -> Fault:
-    """Return the fault of a tagged union; without a tag list the tag is missing."""
-    if "tag" not in context:
-        return Fault((*path, "kind"), "is missing")
-    choices = _choices(context["expected_tags"])
-    kind = value["kind"] if isinstance(value, dict) else context["tag"]
-    hint = nearest(context["tag"], choices)
-    return Fault((*path, "kind"), f"be one of {context['expected_tags']}", shown(kind), hint)
-
-
-def _not_a_number(fault: Fault, value: object) -> Fault:
-    """Return the fault of a value that is not a number, or an integer beyond the largest float."""
-    if isinstance(value, int) and not isinstance(value, bool):
-        return replace(fault, rule="be a finite number")
-    hint = "Write the bare number, in SI units." if isinstance(value, str) else ""
-    return replace(fault, rule="be a number", hint=hint)
 
 
 def _choices(listed: str) -> list[str]:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from flexarm.arm.beams.assembly import beam_matrices, nodal_shapes
-from flexarm.arm.beams.properties import BeamTable, beam_quadrature
+from flexarm.arm.beams.assembly import BeamTable, beam_matrices, beam_quadrature, nodal_shapes
 
 X = np.array([0.0, 0.4, 0.55, 1.3, 2.0])
 STIFFNESS = np.array([5.0, 4.0, 8.0, 2.0, 1.0])

@@ -5,9 +5,8 @@ import pytest
 from scipy.linalg import eigh
 
 from beam_links import flexible_link
-from flexarm.arm.beams.assembly import beam_matrices
+from flexarm.arm.beams.assembly import BeamTable, beam_matrices, beam_quadrature
 from flexarm.arm.beams.invariants import beam_basis, strain_to_nodal
-from flexarm.arm.beams.properties import BeamTable, beam_quadrature
 from flexarm.base.errors import InputError
 
 X = np.array([0.0, 0.4, 0.55, 1.3, 2.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PPoly
 
-from flexarm.arm.beams.properties import BeamTable, beam_quadrature
+from flexarm.arm.beams.assembly import BeamTable, beam_quadrature
 
 BREAKPOINTS = np.array([0.0, 0.31, 0.5, 1.37, 2.0])
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from beam_links import flexible_link
-from flexarm.arm.beams.assembly import beam_matrices, nodal_shapes
+from flexarm.arm.beams.assembly import BeamTable, beam_matrices, beam_quadrature, nodal_shapes
 from flexarm.arm.beams.invariants import strain_to_nodal
-from flexarm.arm.beams.properties import BeamTable, beam_quadrature
 
 L, EI, MU = 1.4, 105.0, 0.6
 # Handbook values, to the rounding of sums over at most 64 coordinates.

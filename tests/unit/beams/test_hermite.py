@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexarm.arm.beams.properties import shape_functions
+from flexarm.arm.beams.assembly import shape_functions
 
 ROUNDING = {"rtol": 1e-13, "atol": 1e-13}  # cubics of order one, evaluated in a few operations
 

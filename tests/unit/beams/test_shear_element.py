@@ -4,18 +4,20 @@ import numpy as np
 import pytest
 
 from flexarm.arm.beams.assembly import (
+    BeamTable,
     beam_matrices,
+    beam_quadrature,
     deflection_shapes,
     interior_shapes,
     nodal_rotations,
     nodal_shapes,
     point_shapes,
     rotation_shapes,
+    shape_functions,
     shear_angles,
     shear_parameters,
 )
 from flexarm.arm.beams.invariants import strain_to_nodal
-from flexarm.arm.beams.properties import BeamTable, beam_quadrature, shape_functions
 
 H, PHI = 0.7, 1.7
 XI = np.linspace(0.0, 1.0, 11)

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
+from flexarm.arm.beams.assembly import interpolation_error
 from flexarm.arm.beams.invariants import inverse_inertia
-from flexarm.arm.beams.properties import interpolation_error
 from flexarm.base.errors import InputError
 from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS, IS_FREE, IS_TREE
 from flexarm.kernels.layout import ArmConstants, empty_constants
@@ -242,7 +242,12 @@ def _segments(link: Link, carried: tuple[float, ...]) -> tuple[LinkConstants, ..
         columns.pop("shear_rigidity", None)
         edges = [0.0, *sorted(inner), link.length]
     segments = []
-    for (a, b), elements in zip(pairwise(edges), _shared(link.elements, edges), strict=True):
+    # Numbers of elements are in proportion to the lengths, at least 1 each.
+    shares = link.elements * np.diff(edges) / (edges[-1] - edges[0])
+    counts = np.maximum(1, np.floor(shares + 1e-9)).astype(int)
+    while counts.sum() < link.elements:
+        counts[np.argmax(shares - counts)] += 1
+    for (a, b), elements in zip(pairwise(edges), [int(count) for count in counts], strict=True):
         stations = np.concatenate([[a], x[(x > a) & (x < b)], [b]])
         parts = {name: np.interp(stations, x, column) for name, column in columns.items()}
         table = BeamTable(stations - a, **parts)
@@ -252,15 +257,6 @@ def _segments(link: Link, carried: tuple[float, ...]) -> tuple[LinkConstants, ..
         else:
             segments.append(rigid_constants(table, elements))
     return tuple(segments)
-
-
-def _shared(elements: int, edges: Sequence[float]) -> list[int]:
-    """Return numbers of elements in proportion to the lengths between edges, at least 1 each."""
-    shares = elements * np.diff(edges) / (edges[-1] - edges[0])
-    counts = np.maximum(1, np.floor(shares + 1e-9)).astype(int)
-    while counts.sum() < elements:
-        counts[np.argmax(shares - counts)] += 1
-    return [int(count) for count in counts]
 
 
 def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
@@ -302,13 +298,34 @@ def place_joints_and_payload(
         constants.damping[i, :k] = _modal_damping(spec.links[piece.link], constants.w2[i, :k])
         if piece.start == 0.0:
             radius = spec.links[piece.link].hub_radius
-            move_root(constants, i, radius)
+            # Move the root outwards, without the length. Beams have their constants about their
+            # root. A rigid, massless hub in line with the root tangent adds its radius to every
+            # distance from the joint. The modes do not change, so no kernel knows the hub; theory
+            # page "link", (L.50). The changes are linear in the constants, so that they apply to
+            # derivatives of them, too.
+            move_masses(constants, i, radius)
+            inertia, tip = constants.residual_inertia[i], constants.residual_tip[i]
+            inertia[2] += radius * (2.0 * inertia[1] + radius * inertia[0])
+            inertia[1] += radius * inertia[0]
+            tip[1] += radius * tip[0]
+            tip[3] += radius * tip[2]
             constants.length[i] += radius
-            _place_hub(constants, i, carriers[piece.link], spec.joints[piece.link])
+            inboard = carriers[piece.link]
+            joint = spec.joints[piece.link]
+            constants.inertia[i] += joint.hub_inertia
+            constants.hub[i] = joint.hub_inertia
+            constants.residual_inertia[i, 2] += joint.hub_inertia
+            if inboard >= 0:
+                constants.tip_mass[inboard] += joint.mass
+                constants.tip_inertia[inboard] += joint.housing_inertia
     for seat in seats:
         _place_motor(constants, seat, spec.joints[seat.link])
     if constants.mass.size > pieces[-1].body + 1:
-        _place_payload_body(constants, spec)
+        # A payload with an offset is a rigid body of zero length on a fixed joint.
+        payload = spec.payload
+        _place_rigid_body(constants, -1, payload.mass, payload.inertia, payload.offset)
+        constants.residual_tip[-1] = 1.0, 0.0, 0.0, 1.0
+        constants.free[-1] = 0.0
     else:
         constants.tip_mass[-1] += spec.payload.mass
         constants.tip_inertia[-1] += spec.payload.inertia
@@ -363,13 +380,6 @@ def _place_tree(
         constants.parent[first] = carrier
         constants.joint_angle[first] = joint.mounting_angle
         _place_joint(constants, slice(first, last + 1), first, joint, np.array(joint.offset))
-    _place_closures(constants, spec, sections)
-    _set_kind(constants, spec)
-    return carriers
-
-
-def _place_closures(constants: ArmConstants, spec: ArmSpec, sections: _Sections) -> None:
-    """Set the rows of closures."""
     row = 0
     for closure in spec.closures:
         first = sections.at(closure.link, closure.station)
@@ -378,10 +388,7 @@ def _place_closures(constants: ArmConstants, spec: ArmSpec, sections: _Sections)
             constants.ends[row] = kind, first, second
             constants.closure[row] = *closure.offset, *closure.to_offset, closure.angle
             row += 1
-
-
-def _set_kind(constants: ArmConstants, spec: ArmSpec) -> None:
-    """Set whether an arm is a tree, and whether only loads and contacts change its momentum."""
+    # A free arm is one whose momentum only loads and contacts change.
     external = (*spec.base.stiffness, *spec.base.damping, *spec.gravity)
     grounded = any(closure.to_link is None for closure in spec.closures)
     alone = len(spec.base.free) == 3 and not grounded and all(map(_is_zero, external))
@@ -392,6 +399,7 @@ def _set_kind(constants: ArmConstants, spec: ArmSpec) -> None:
     # A symbol may be any number.
     tree = tree or not all(map(_is_zero, constants.place.flat))
     constants.arm[IS_TREE] = float(tree)
+    return carriers
 
 
 def _is_zero(number: Any) -> bool:
@@ -433,16 +441,6 @@ def _place_base(constants: ArmConstants, base: Base) -> int:
     if names:
         _place_rigid_body(constants, len(names) - 1, base.mass, base.inertia, base.centre)
     return len(names) - 1
-
-
-def _place_hub(constants: ArmConstants, i: int, inboard: int, joint: Joint) -> None:
-    """Set the hub of the joint at the root of body i, and its motor on the inboard body."""
-    constants.inertia[i] += joint.hub_inertia
-    constants.hub[i] = joint.hub_inertia
-    constants.residual_inertia[i, 2] += joint.hub_inertia
-    if inboard >= 0:
-        constants.tip_mass[inboard] += joint.mass
-        constants.tip_inertia[inboard] += joint.housing_inertia
 
 
 def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
@@ -506,14 +504,6 @@ def _place_link(constants: ArmConstants, i: int, link: LinkConstants, second_ord
         constants.G[i, :k, :k] = link.G
 
 
-def _place_payload_body(constants: ArmConstants, spec: ArmSpec) -> None:
-    """Add a payload offset from the tip: a rigid body of zero length on a fixed joint."""
-    payload = spec.payload
-    _place_rigid_body(constants, -1, payload.mass, payload.inertia, payload.offset)
-    constants.residual_tip[-1] = 1.0, 0.0, 0.0, 1.0
-    constants.free[-1] = 0.0
-
-
 def _place_rigid_body(
     constants: ArmConstants, i: int, mass: Any, inertia: Any, centre: Sequence[Any]
 ) -> None:
@@ -534,22 +524,6 @@ def _modal_damping(link: Link, w2: FloatArray) -> FloatArray:
         return link.damping.mass_coefficient + link.damping.stiffness_coefficient * w2
     ratio = np.array(link.damping.ratios(w2.size))
     return np.asarray(2.0 * ratio * w2**0.5)
-
-
-def move_root(constants: ArmConstants, i: int, radius: Any) -> None:
-    """Move the root of body i outwards by a radius (m), without its length.
-
-    Beams have their constants about their root. A rigid, massless hub in line with the root tangent
-    adds its radius to every distance from the joint. The modes do not change, so no kernel knows
-    the hub; theory page "link", (L.50). The changes are linear in the constants, so that they apply
-    to derivatives of them, too.
-    """
-    move_masses(constants, i, radius)
-    inertia, tip = constants.residual_inertia[i], constants.residual_tip[i]
-    inertia[2] += radius * (2.0 * inertia[1] + radius * inertia[0])
-    inertia[1] += radius * inertia[0]
-    tip[1] += radius * tip[0]
-    tip[3] += radius * tip[2]
 
 
 def move_masses(constants: ArmConstants, i: int, radius: Any) -> None:

@@ -25,11 +25,9 @@ def check_joint(arm: Coordinates, name: str, joint: object) -> int:
 
 
 def modal_size(arm: Coordinates) -> float:
-    """Return the modal coordinate (m kg^0.5) that counts as much as an angle of one radian.
-
-    It is the reach times the square root of the mass of the arm, so that norms of coordinates do
-    not depend on its size. An arm without mass has no modes.
-    """
+    """Return the modal coordinate (m kg^0.5) that counts as much as an angle of one radian."""
+    # It is the reach times the square root of the mass of the arm, so that norms of coordinates do
+    # not depend on its size. An arm without mass has no modes.
     c = arm.assembly.constants
     size = float(c.length.sum()) * float(c.mass.sum() + c.tip_mass.sum()) ** 0.5
     return size or 1.0
@@ -53,10 +51,8 @@ def turning_joints(arm: Coordinates) -> NDArray[np.bool_]:
 
 
 def coordinate_sizes(arm: Coordinates) -> FloatArray:
-    """Return coordinates (dof,) of equal size: one radian, and ``modal_size`` for modes.
-
-    Coordinates of joints and bases that slide have the reach.
-    """
+    """Return coordinates (dof,) of equal size: one radian, and ``modal_size`` for modes."""
+    # Coordinates of joints and bases that slide have the reach.
     sizes = np.ones(arm.dof)
     bodies = arm.assembly.coordinates // (1 + arm.assembly.modes)
     sizes[arm.assembly.constants.slides[bodies] > 0.0] = arm.reach

@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 
 from flexarm.arm.beams.assembly import (
     BeamMatrices,
+    BeamQuadrature,
+    BeamTable,
+    FloatArray,
     beam_matrices,
+    beam_quadrature,
     interior_shapes,
     interior_values,
     nodal_rotations,
@@ -20,7 +24,6 @@ from flexarm.arm.beams.assembly import (
     product_integral,
     shear_parameters,
 )
-from flexarm.arm.beams.properties import BeamQuadrature, BeamTable, FloatArray, beam_quadrature
 from flexarm.base.errors import InputError, Problem, check_array, shown
 
 #: Dimensions up to this size, and down to its inverse, have powers within the range of floats.
@@ -278,12 +281,10 @@ def _over(matrix: FloatArray, shapes: FloatArray) -> FloatArray:
 def _left_of_rigid_motion(
     quadrature: BeamQuadrature, translation: FloatArray, rotation: FloatArray
 ) -> FloatArray:
-    """Return the residuals (n + 2 + k, 2) of unit rigid motions, with the root's pair first.
-
-    The arguments (n + k,) are the values of their best approximation by the shapes. With the full
-    finite element model the residual decays within a few elements of the root. It is so small that
-    differences of integrals (int mu x^2 - a.a) would lose it.
-    """
+    """Return the residuals (n + 2 + k, 2) of unit rigid motions, with the root's pair first."""
+    # The arguments (n + k,) are the values of their best approximation by the shapes. With the full
+    # finite element model the residual decays within a few elements of the root. It is so small
+    # that differences of integrals (int mu x^2 - a.a) would lose it.
     nodes = np.arange(quadrature.elements + 1) * quadrature.element_length
     left = np.zeros((2 + translation.size, 2))
     rigid = left[: 2 * nodes.size]
@@ -359,9 +360,27 @@ def beam_basis(
         motion = motion @ _craig_bampton(motion, strain_to_nodal, modes)
     vectors, periods, _ = np.linalg.svd(motion, full_matrices=False)
     basis = solve_triangular(root_mass, vectors, lower=True, trans="T") / units[:, None]
-    basis = basis * _signs(basis * units[:, None])
+    # Make the tip deflection positive, or else the largest entry.
+    shapes = basis * units[:, None]
+    tip, largest = shapes[-2], np.abs(shapes).max(axis=0)
+    peak = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
+    # Below this limit, rounding errors could determine the sign of the tip deflection.
+    basis = basis * np.where(np.where(np.abs(tip) > 1e-6 * largest, tip, peak) < 0.0, -1.0, 1.0)
     beam = BeamBasis(basis=basis, projector=basis.T @ matrices.mass, w2=1.0 / periods**2)
-    _check_stiffness(beam, matrices.stiffness)
+    error = np.abs(beam.basis.T @ matrices.stiffness @ beam.basis - np.diag(beam.w2))
+    rounding = np.abs(beam.basis).T @ np.abs(matrices.stiffness) @ np.abs(beam.basis)
+    frequency = np.sqrt(beam.w2)
+    allowed = _DIAGONALITY * np.outer(frequency, frequency)
+    allowed += 10 * len(matrices.stiffness) * np.finfo(float).eps * rounding
+    if not np.all(error <= allowed):
+        worst = float((error / allowed).max())
+        problem = Problem(
+            "the stiffness over the shapes",
+            "be diagonal",
+            f"errors of {worst:.2g} times the tolerance",
+            "Flexural rigidity or mass may vary by too many orders of magnitude along the link.",
+        )
+        raise InputError(problem)
     return beam
 
 
@@ -381,43 +400,15 @@ def _mass_factor(mass: FloatArray) -> FloatArray:
 
 
 def _craig_bampton(motion: FloatArray, strain_to_nodal: FloatArray, modes: int) -> FloatArray:
-    """Return orthonormal strain coordinates z (n, m) of the reduced shapes.
-
-    The strain of a tip force is the transposed tip row of F, and shapes with a clamped tip are
-    orthogonal to it, so that one orthogonal matrix contains both.
-    """
+    """Return orthonormal strain coordinates z (n, m) of the reduced shapes."""
+    # The strain of a tip force is the transposed tip row of F, and shapes with a clamped tip are
+    # orthogonal to it, so that one orthogonal matrix contains both.
     split, _ = np.linalg.qr(strain_to_nodal[-2:].T, mode="complete")
     static, clamped = split[:, : min(modes, 2)], split[:, 2:]
     if modes <= 2:
         return static
     _, _, shapes = np.linalg.svd(motion @ clamped, full_matrices=False)
     return np.hstack([static, clamped @ shapes[: modes - 2].T])
-
-
-def _signs(shapes: FloatArray) -> FloatArray:
-    """Return signs (m,) that make the tip deflection positive, or else the largest entry."""
-    tip, largest = shapes[-2], np.abs(shapes).max(axis=0)
-    peak = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
-    # Below this limit, rounding errors could determine the sign of the tip deflection.
-    return np.where(np.where(np.abs(tip) > 1e-6 * largest, tip, peak) < 0.0, -1.0, 1.0)
-
-
-def _check_stiffness(beam: BeamBasis, stiffness: FloatArray) -> None:
-    """Raise InputError unless the shapes diagonalise the stiffness to w2."""
-    error = np.abs(beam.basis.T @ stiffness @ beam.basis - np.diag(beam.w2))
-    rounding = np.abs(beam.basis).T @ np.abs(stiffness) @ np.abs(beam.basis)
-    frequency = np.sqrt(beam.w2)
-    allowed = _DIAGONALITY * np.outer(frequency, frequency)
-    allowed += 10 * len(stiffness) * np.finfo(float).eps * rounding
-    if not np.all(error <= allowed):
-        worst = float((error / allowed).max())
-        problem = Problem(
-            "the stiffness over the shapes",
-            "be diagonal",
-            f"errors of {worst:.2g} times the tolerance",
-            "Flexural rigidity or mass may vary by too many orders of magnitude along the link.",
-        )
-        raise InputError(problem)
 
 
 def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
@@ -455,7 +446,14 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
     gains = h**2 * from_curvature @ curvature
     if table.shear_rigidity is not None:
         flexibility = gains @ gains.transpose(0, 2, 1)
-        flexibility[:, 0, 0] += h**2 * _shear_flexibility(table.shear_rigidity, table, quadrature)
+        # The mean shear angle under unit shear force, a parabola, rad/(N m), adds to the
+        # deflection.
+        basis = np.polynomial.legendre.legvander(2.0 * quadrature.xi - 1.0, 2)
+        weights = quadrature.weights * np.interp(quadrature.points, table.x, table.shear_rigidity)
+        gram = np.zeros((quadrature.elements, 3, 3))
+        products = weights[:, None, None] * basis[:, :, None] * basis[:, None, :]
+        np.add.at(gram, quadrature.element, products)
+        flexibility[:, 0, 0] += h**2 * np.asarray(np.linalg.inv(gram)[:, 0, 0], np.float64)
         gains = np.asarray(np.linalg.cholesky(flexibility), np.float64)
     spread = np.zeros((elements, 2, elements, 2))
     each = np.arange(elements)
@@ -463,18 +461,6 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
     rotation = np.cumsum(spread[:, 1], axis=0)
     deflection = np.cumsum(spread[:, 0] + rotation - spread[:, 1], axis=0)
     return np.stack([deflection, rotation], axis=1).reshape(2 * elements, 2 * elements)
-
-
-def _shear_flexibility(
-    rigidity: FloatArray, table: BeamTable, quadrature: BeamQuadrature
-) -> FloatArray:
-    """Return the mean shear angle (elements,) under unit shear force, a parabola, rad/(N m)."""
-    basis = np.polynomial.legendre.legvander(2.0 * quadrature.xi - 1.0, 2)
-    weights = quadrature.weights * np.interp(quadrature.points, table.x, rigidity)
-    gram = np.zeros((quadrature.elements, 3, 3))
-    products = weights[:, None, None] * basis[:, :, None] * basis[:, None, :]
-    np.add.at(gram, quadrature.element, products)
-    return np.asarray(np.linalg.inv(gram)[:, 0, 0], np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.writing.places import check_folder, write_text
-from flexarm.bridges.symbolic.casadi_model import CasadiModel, exported_model
+from flexarm.bridges.symbolic.models import CasadiModel, exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.control.filters.kalman_filter import ExtendedKalmanFilter
 from flexarm.linear.step_derivatives.sampled_step import fastest_rate
@@ -78,7 +78,17 @@ def export_c(
         check_controller("controller", controller)
     texts = _texts(exported(model, name, controller, observer))
     files = [place / file for file in texts]
-    _refuse_to_replace(files)
+    problems = []
+    for existing in files:
+        try:
+            own = not os.path.lexists(existing) or _MARK in existing.read_bytes()
+        except OSError:  # a folder, or not readable
+            own = False
+        if not own:
+            hint = "It is not from an earlier export. Use another folder or name."
+            problems.append(Problem(shown(str(existing)), "already exists", hint=hint))
+    if problems:
+        raise InputError(*problems)
     check_folder("folder", place)
     for text, file in zip(texts.values(), files, strict=True):
         write_text(text, file)
@@ -91,21 +101,6 @@ def check_prefix(argument: str, name: object) -> str:
         rule = "be at most 32 lower-case letters, digits and underscores, the first a letter"
         raise InputError(Problem(argument, rule, shown(name)))
     return name
-
-
-def _refuse_to_replace(files: Sequence[Path]) -> None:
-    """Raise if files exist that are not from an earlier export."""
-    problems = []
-    for file in files:
-        try:
-            own = not os.path.lexists(file) or _MARK in file.read_bytes()
-        except OSError:  # a folder, or not readable
-            own = False
-        if not own:
-            hint = "It is not from an earlier export. Use another folder or name."
-            problems.append(Problem(shown(str(file)), "already exists", hint=hint))
-    if problems:
-        raise InputError(*problems)
 
 
 def exported(
@@ -133,14 +128,14 @@ def exported(
 
 def _texts(export: Exported) -> dict[str, str]:
     """Return the content of the files, by name."""
-    from flexarm.bridges.c_code.programs import (
+    from flexarm.bridges.c_code.recording import (
         makefile,
         packet_layout,
         program,
+        record,
         recorded_arrays,
         udp_program,
     )
-    from flexarm.bridges.c_code.recording import record
     from flexarm.bridges.c_code.source import header, source
 
     name, recording = export.name, record(export)

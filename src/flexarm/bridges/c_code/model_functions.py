@@ -15,7 +15,7 @@ from typing import Any
 
 import casadi
 
-from flexarm.bridges.symbolic.casadi_model import CasadiModel
+from flexarm.bridges.symbolic.models import CasadiModel
 from flexarm.integrate.explicit_runge_kutta.rk4 import RungeKutta4
 
 
@@ -86,7 +86,18 @@ def model_functions(model: CasadiModel) -> list[NamedFunction]:
     jacobian = casadi.jacobian(model.tip(q, parameters), q)
     summary = "Derivative of the tip by the coordinates: rows x, y, angle."
     functions.append(named("tip_jacobian", summary, inputs, {"jacobian": jacobian}))
-    return [*functions, _step(model), _step_jacobian(model)]
+    # A Runge-Kutta method is linear in its stages. Therefore the step of matrices [value,
+    # derivatives] is the step itself, over accelerations and their derivatives by CasADi.
+    n, m = model.arm.dof, model.arm.joints
+    of_columns = dynamics_of_columns(model, ("q", "qd", "torque"))
+    inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
+    columns = with_derivatives({name: inputs[name] for name in ("q", "qd", "torque")})
+    after = casadi.vertcat(*runge_kutta(of_columns, inputs | columns))
+    outputs = {"by_state": after[:, 1 : 2 * n + 1]}
+    if m:
+        outputs["by_torque"] = after[:, 2 * n + 1 :]
+    summary = "Derivatives of a step, exact to rounding."
+    return [*functions, _step(model), named("step_jacobian", summary, inputs, outputs)]
 
 
 def _symbol(name: str, function: Any) -> Any:
@@ -105,24 +116,6 @@ def _step(model: CasadiModel) -> NamedFunction:
     after = runge_kutta(model.forward_dynamics, inputs)
     summary = "State after a step of the classical Runge-Kutta method, torque and force constant."
     return named("step", summary, inputs, dict(zip(("q_next", "qd_next"), after, strict=True)))
-
-
-def _step_jacobian(model: CasadiModel) -> NamedFunction:
-    """Return the derivatives of a step by state and torque.
-
-    A Runge-Kutta method is linear in its stages. Therefore the step of matrices [value,
-    derivatives] is the step itself, over accelerations and their derivatives by CasADi.
-    """
-    n, m = model.arm.dof, model.arm.joints
-    of_columns = dynamics_of_columns(model, ("q", "qd", "torque"))
-    inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
-    columns = with_derivatives({name: inputs[name] for name in ("q", "qd", "torque")})
-    after = casadi.vertcat(*runge_kutta(of_columns, inputs | columns))
-    outputs = {"by_state": after[:, 1 : 2 * n + 1]}
-    if m:
-        outputs["by_torque"] = after[:, 2 * n + 1 :]
-    summary = "Derivatives of a step, exact to rounding."
-    return named("step_jacobian", summary, inputs, outputs)
 
 
 def with_derivatives(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -23,8 +23,8 @@ from flexarm.bridges.c_code.model_functions import (
     runge_kutta,
     with_derivatives,
 )
-from flexarm.bridges.symbolic.casadi_model import casadi_model
 from flexarm.bridges.symbolic.kernel_calls import ParametricArm, objects, plain
+from flexarm.bridges.symbolic.models import casadi_model
 from flexarm.control.filters.estimator import (
     LEAST_STIFFNESS,
     SAG_DIFFERENCE,
@@ -125,17 +125,29 @@ class _Writer:
         self.steps = SampledStep(self.arm, observer.sample_time).steps
         self.joints = self.arm.joint_index.tolist()
         self.bending = np.setdiff1d(np.arange(self.arm.dof), self.joints).tolist()
-        self.static = self._static()
+        q, mass, zero = casadi.SX.sym("q", self.arm.dof), casadi.SX.sym("mass"), casadi.DM.zeros
+        force = self.model.bias_force(q, zero(self.arm.dof), mass)[self.bending]
+        results = force, casadi.jacobian(force, q)[:, self.bending]
+        self.static = casadi.Function("static", [q, mass], list(map(casadi.densify, results)))
         self.angle = next(i for i in observer.instruments if i.signal == "joint_angle")
 
     def start(self) -> NamedFunction:
         """Return the estimate at the first readings, for links at rest under gravity."""
         readings = casadi.MX.sym("readings", self.shown.size)
-        straight = self._straight(readings)
+        # Links are straight at the readings of the encoders.
+        first = sum(self.shown.counts[: self.filter.instruments.index(self.angle)])
+        straight = casadi.MX(casadi.DM.zeros(self.arm.dof))
+        straight[self.joints] = readings[first : first + self.arm.joints]
         q, by_mass = self._sag(straight)
         x = casadi.vertcat(q, casadi.DM.zeros(self.arm.dof), -0.5 * self.spread)
         along = casadi.vertcat(self.scale * by_mass, casadi.DM.zeros(self.arm.dof), 1.0)
-        variance = self._first_variance(straight)
+        # The mass has a variance of its own.
+        rigid = first_variance(self.arm, self.filter, self.angle, np.ones(self.arm.dof))
+        variance = casadi.MX(casadi.DM(np.append(rigid, 0.0)))
+        if self.bending:
+            stiffness = casadi.diag(self.static(straight, self.nominal)[1])
+            least = LEAST_STIFFNESS * casadi.mmax(stiffness)
+            variance[self.bending] /= casadi.fmax(stiffness, least)
         P = casadi.diag(variance) + self.spread * (along @ along.T)
         unmoved = casadi.DM.zeros(self.states, self.arm.joints)
         still = casadi.DM.zeros(self.arm.joints)
@@ -163,13 +175,6 @@ class _Writer:
         moving = self.scale * casadi.exp(x[-1])
         return casadi.fmax(moving - self.own, 0.0), moving
 
-    def _straight(self, readings: Any) -> Any:
-        """Return the coordinates of straight links at the readings of the encoders."""
-        first = sum(self.shown.counts[: self.filter.instruments.index(self.angle)])
-        q = casadi.MX(casadi.DM.zeros(self.arm.dof))
-        q[self.joints] = readings[first : first + self.arm.joints]
-        return q
-
     def _sag(self, straight: Any) -> tuple[Any, Any]:
         """Return the coordinates at rest and their derivative by the payload mass."""
         nothing = casadi.DM.zeros(self.arm.dof)
@@ -190,29 +195,21 @@ class _Writer:
             q = now
         return q
 
-    def _static(self) -> Any:
-        """Return static force and stiffness of bending, a function of q and payload."""
-        q, mass, zero = casadi.SX.sym("q", self.arm.dof), casadi.SX.sym("mass"), casadi.DM.zeros
-        force = self.model.bias_force(q, zero(self.arm.dof), mass)[self.bending]
-        results = force, casadi.jacobian(force, q)[:, self.bending]
-        return casadi.Function("static", [q, mass], list(map(casadi.densify, results)))
-
-    def _first_variance(self, straight: Any) -> Any:
-        """Return the variances (states,) before the first reading; the mass has its own."""
-        rigid = first_variance(self.arm, self.filter, self.angle, np.ones(self.arm.dof))
-        variance = casadi.MX(casadi.DM(np.append(rigid, 0.0)))
-        if self.bending:
-            stiffness = casadi.diag(self.static(straight, self.nominal)[1])
-            least = LEAST_STIFFNESS * casadi.mmax(stiffness)
-            variance[self.bending] /= casadi.fmax(stiffness, least)
-        return variance
-
     def _propagated(self, x: Any, P: Any, torque: Any) -> tuple[Any, Any, Any]:
         """Return mean, covariance, and its part with the torque error, after a sample time."""
         given, n, m = self.filter, self.arm.dof, self.arm.joints
         mass, moving = self._mass(x)
         values = {"q": x[:n], "qd": x[n : 2 * n], "torque": torque, "parameters": mass}
-        after = casadi.vertcat(*self._stepped(with_derivatives(values)))
+        columns = with_derivatives(values)
+        symbols = {name: casadi.MX.sym(name, *one.shape) for name, one in columns.items()}
+        others = {"step": self.filter.sample_time / self.steps, "tip_force": casadi.DM.zeros(3)}
+        of_columns = dynamics_of_columns(self.model, tuple(columns))
+        after = runge_kutta(of_columns, symbols | others)
+        step = casadi.Function("substep", list(symbols.values()), list(after))
+        q, qd, *constant = columns.values()
+        for _ in range(self.steps):
+            q, qd = step(q, qd, *constant)
+        after = casadi.vertcat(q, qd)
         states, by_torque, by_mass = after[:, 1 : 2 * n + 1], after[:, 2 * n + 1 : -1], after[:, -1]
         last = casadi.horzcat(casadi.DM.zeros(1, 2 * n), 1.0)
         F = casadi.vertcat(casadi.horzcat(states, by_mass * moving), last)
@@ -224,18 +221,6 @@ class _Writer:
             grown = casadi.log1p(wandered / moving**2)
             P = P + casadi.diag(casadi.vertcat(casadi.DM.zeros(2 * n), grown))
         return link.after, P, link.G
-
-    def _stepped(self, columns: dict[str, Any]) -> tuple[Any, Any]:
-        """Return columns of q and qd after the steps of a sample time."""
-        symbols = {name: casadi.MX.sym(name, *one.shape) for name, one in columns.items()}
-        others = {"step": self.filter.sample_time / self.steps, "tip_force": casadi.DM.zeros(3)}
-        of_columns = dynamics_of_columns(self.model, tuple(columns))
-        after = runge_kutta(of_columns, symbols | others)
-        step = casadi.Function("substep", list(symbols.values()), list(after))
-        q, qd, *constant = columns.values()
-        for _ in range(self.steps):
-            q, qd = step(q, qd, *constant)
-        return q, qd
 
     def _noisy(self, by_torque: Any) -> Any:
         """Return derivatives by the torque times the deviation of its error."""

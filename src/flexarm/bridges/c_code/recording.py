@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
+from importlib.resources import files
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import FlexarmWarning
 from flexarm.bridges.c_code.observer import Observer
-from flexarm.bridges.c_code.source import Exported
+from flexarm.bridges.c_code.source import Exported, array, origin
 from flexarm.bridges.c_code.traced_law import (
     TracedController,
     exports_plan,
@@ -30,7 +31,7 @@ from flexarm.control.hardware.measurement import Measurement
 from flexarm.linear.step_derivatives.sampled_step import SampledStep, step_jacobian
 from flexarm.motion import joint_motion
 from flexarm.simulation.calls.run import simulate
-from flexarm.simulation.real_time.partners import REFERENCE
+from flexarm.simulation.real_time.partners import HEAD, OTHER_TIME, REFERENCE, TOKEN_BITS, Layout
 
 #: Number of recorded samples, and number of steps of the run between two of them.
 SAMPLES, _STRIDE = 32, 8
@@ -116,7 +117,14 @@ def record(export: Exported) -> Recording:
         }
         _record_controller(recording, export, readings)
     if export.observer:
-        _record_observer(recording, export.observer)
+        # The filter has a run of its own, at its sample time.
+        inputs, expected = record_observer(export.observer, SAMPLES)
+        recording.inputs.update(inputs)
+        recording.expected["observer"] = expected
+        rounded = [_rounded(inputs, seed) for seed in range(_ROUNDED_RUNS)]
+        changes = [np.abs(estimates(export.observer.filter, one) - expected) for one in rounded]
+        change, largest = np.max(changes, axis=(0, 1)), np.abs(expected).max(axis=0)
+        recording.tolerance["observer"] = np.maximum(_ROUNDING * largest, _AMPLIFIED * change)
     return recording
 
 
@@ -156,24 +164,19 @@ def _record_arm(data: Recording, export: Exported, after: FloatArray) -> None:
         if function.name in results:
             rows = [np.ravel(results[function.name](k)) for k in range(SAMPLES)]
             data.expected[function.name] = np.array(rows)
-            data.tolerance[function.name] = _ROUNDING * _largest(rows)
+            values = np.abs(np.array(rows))
+            data.tolerance[function.name] = _ROUNDING * np.full(
+                values.shape[1], values.max(initial=0.0)
+            )
     slopes = [step_jacobian(arm, q[k], qd[k], torque[k], data.step) for k in range(SAMPLES)]
     rows = [np.concatenate([one.state.ravel(), one.torque.ravel()]) for one in slopes]
     data.expected["step_jacobian"] = np.array(rows)
     _scale_by_energy(data, arm)
 
 
-def _largest(rows: Any) -> FloatArray:
-    """Return the largest number of all rows, for each entry of a row."""
-    values = np.abs(np.array(rows))
-    return np.full(values.shape[1], values.max(initial=0.0))
-
-
 def _scale_by_energy(data: Recording, arm: Arm) -> None:
-    """Set the tolerances of coordinates as if they were energies.
-
-    Metres and radians then count alike, and so do errors of an ill-conditioned mass matrix.
-    """
+    """Set the tolerances of coordinates as if they were energies."""
+    # Metres and radians then count alike, and so do errors of an ill-conditioned mass matrix.
     M = arm.mass_matrix(data.inputs["q"][0])
     scale = np.sqrt(np.diag(M))
     condition = np.linalg.cond(M / np.outer(scale, scale))
@@ -208,17 +211,6 @@ def _record_controller(data: Recording, export: Exported, readings: dict[str, Fl
     change = np.abs(replay(export.arm, export.controller, _rounded(readings, 0))[1] - torque)
     limit = max(_ROUNDING * np.abs(torque).max(), _AMPLIFIED * change.max())
     data.tolerance["controller"] = np.full(torque.shape[1], limit)
-
-
-def _record_observer(data: Recording, observer: Observer) -> None:
-    """Record the estimates of the filter for a run of its own, at its sample time."""
-    inputs, expected = record_observer(observer, SAMPLES)
-    data.inputs.update(inputs)
-    data.expected["observer"] = expected
-    rounded = [_rounded(inputs, seed) for seed in range(_ROUNDED_RUNS)]
-    changes = [np.abs(estimates(observer.filter, one) - expected) for one in rounded]
-    change, largest = np.max(changes, axis=(0, 1)), np.abs(expected).max(axis=0)
-    data.tolerance["observer"] = np.maximum(_ROUNDING * largest, _AMPLIFIED * change)
 
 
 def _rounded(values: dict[str, FloatArray], seed: int) -> dict[str, FloatArray]:
@@ -365,3 +357,162 @@ def _pressed(
         inputs[f"{prefix}_pressing"] = _PRESSING * bent * ones * np.ones(arm.joints)
         inputs[f"{prefix}_friction"] = friction * ones
     return inputs
+
+
+def _text(file: str) -> str:
+    """Return the part of a program that is the same for all arms."""
+    return (files("flexarm.bridges.c_code") / "c" / file).read_text(encoding="utf-8")
+
+
+#: Part of the test program before the one that is the same for all arms.
+_TEST_HEAD = """\
+#ifdef TIMES
+#define _POSIX_C_SOURCE 199309L
+#include <time.h>
+#endif
+#include <math.h>
+#include <stdio.h>
+#include "{name}.h"
+#include "{name}_recording.h"
+
+#define SAMPLES {samples}
+#ifndef ROUNDS
+#define ROUNDS 100
+#endif
+
+static double found[{most}];
+{memory}
+{calls}
+static const struct {{
+    const char *name;
+    void (*call)(int);
+    const double *expected, *tolerance;
+    int size;
+}} tests[] = {{
+{rows}
+}};
+
+"""
+
+
+def makefile(export: Exported, udp: bool) -> str:
+    """Return the makefile, with or without a target for the program over UDP."""
+    title = "make test: compare with the recorded run; make times, make size: measure."
+    head = f"# Generated by flexarm. {title}\nNAME = {export.name}\n"
+    return head + _text("Makefile") + (_text("udp.mk") if udp else "")
+
+
+def recorded_arrays(export: Exported, recording: Recording) -> str:
+    """Return the header with the recorded run."""
+    guard = export.macro("RECORDING_H")
+    title = f"recorded run of {SAMPLES} samples, computed in Python"
+    parts = [origin(f"{export.name}_recording.h", title) + " */"]
+    parts += [f"#ifndef {guard}", f"#define {guard}", ""]
+    used = {name for function in export.all_functions for name in function.inputs}
+    for name, values in recording.inputs.items():
+        if name in used and values.size:
+            parts.append(array(f"static const double recorded_{name}", values))
+    for name, values in recording.expected.items():
+        parts.append(array(f"static const double {name}_expected", values))
+        parts.append(array(f"static const double {name}_tolerance", recording.tolerance[name]))
+    return "\n".join([*parts, "#endif", ""])
+
+
+def program(export: Exported, recording: Recording) -> str:
+    """Return the test program."""
+    calls, rows = [], []
+    for name in recording.expected:
+        calls.append(_call(export, name, recording.step))
+        size = recording.expected[name].shape[1]
+        rows.append(f'    {{"{name}", call_{name}, {name}_expected[0], {name}_tolerance, {size}}}')
+    kept = dict.fromkeys(one.memory for one in export.all_functions if one.memory)
+    memory = [f"static double {name}[{export.macro(name)}];\n" for name in kept]
+    filled = _TEST_HEAD.format(
+        name=export.name,
+        samples=SAMPLES,
+        most=max(values.shape[1] for values in recording.expected.values()),
+        memory="".join(memory),
+        calls="\n".join(calls),
+        rows=",\n".join(rows),
+    )
+    return (
+        origin(f"{export.name}_test.c", "comparison with a recorded run")
+        + " */\n"
+        + filled
+        + _text("test_program.c")
+    )
+
+
+def _call(export: Exported, test: str, step: float) -> str:
+    """Return a function that calls an exported one with the arguments of sample k."""
+    parts = {"controller": export.controller, "observer": export.observer}
+    part = parts.get(test)
+    functions = part.functions if part else [f for f in export.functions if f.name == test]
+    expressions = {"parameters": "NULL", "step": repr(step)}
+    if test.startswith("step"):  # steps are recorded without a force
+        expressions["tip_force"] = "NULL"
+    start = 0
+    for name in functions[-1].function.name_out():
+        if name.endswith("memory_out"):
+            expressions[name.removesuffix("_out")] = name.removesuffix("_out")
+            continue
+        expressions[name] = f"found + {start}" if start else "found"
+        start += functions[-1].function.numel_out(name)
+    lines = export.sampled_call(
+        functions, "k == 0", lambda name: expressions.get(name, f"recorded_{name}[k]")
+    )
+    body = "\n".join(f"    {line}" for line in lines)
+    return f"static void call_{test}(int k)\n{{\n{body}\n}}\n"
+
+
+def packet_layout(export: Exported) -> Layout | None:
+    """Return the layout of the packets of the plant; None if they lack an input of the controller.
+
+    They contain the readings of exact sensors and, if the controller follows a reference, its
+    values.
+    """
+    assert export.controller is not None
+    joints, gauges = export.arm.joints, len(export.arm.gauges)
+    sizes = {"joint_angle": joints, "joint_rate": joints}
+    if gauges:
+        sizes["strain"] = gauges
+    needed = {name for function in export.controller.functions for name in function.inputs}
+    if needed & REFERENCE.keys():
+        sizes |= dict.fromkeys(REFERENCE, joints)
+    if needed - sizes.keys() - export.controller.defaults.keys() - {"memory"}:
+        return None
+    return Layout({name: (size,) for name, size in sizes.items()})
+
+
+def udp_program(export: Exported, layout: Layout) -> str:
+    """Return the program for a layout of the packets of the plant."""
+    assert export.controller is not None
+    places, first = {"memory": "memory", "torque": "torque"}, 0
+    for name, (size,) in layout.shapes.items():
+        places[name] = f"values + {first}" if first else "values"
+        first += size
+    functions, memory = export.controller.functions, ""
+    body = export.sampled_call(functions, "!started", lambda name: places.get(name, "NULL"))
+    if len(functions) > 1:
+        memory = f"\nstatic double memory[{export.macro('MEMORY')}];\n"
+        body = ["static int started = 0;", *body, "started = 1;"]
+    title = "controller over UDP, for POSIX systems"
+    rules = f" *\n * Packets of the plant are little-endian doubles:\n * {layout}.\n"
+    rules += " * Answers are token, sequence number, time, torques. The number -1 ends the run.\n"
+    rules += " * A packet with the number -2 requests a run. In its answer, a token that is drawn\n"
+    rules += " * here stands for the time; packets with another token are ignored.\n */\n"
+    macros = {
+        "HEAD": f"{HEAD} /* Token, sequence number, time. */",
+        "TOKEN_BYTES": TOKEN_BITS // 8,
+        "VALUES": first,
+        "JOINTS": export.macro("JOINTS"),
+        "SAMPLE_TIME": export.macro("SAMPLE_TIME"),
+        "OTHER_TIME": OTHER_TIME,
+        "LAYOUT": f'"{layout}"',
+    }
+    lines = ["#define _POSIX_C_SOURCE 200112L", "#include <stddef.h>"]
+    lines += [f'#include "{export.name}.h"\n', *(f"#define {k} {v}" for k, v in macros.items())]
+    lines += [memory, "/* Torques for the values of a packet. */"]
+    lines += ["static void update(const double *values, double *torque)", "{"]
+    lines += [*(f"    {line}" for line in body), "}\n", _text("udp_program.c")]
+    return origin(f"{export.name}_udp.c", title) + rules + "\n".join(lines)

@@ -221,7 +221,14 @@ def header(export: Exported) -> str:
     lines += ["", "/* Longest stable step about straight links, s. */"]
     lines += [f"#define {export.macro('LARGEST_STEP')} {export.largest_step!r}", ""]
     if export.parameters:
-        lines += _parameters(export)
+        places = parameter_places(export)
+        commas = [*[","] * (len(places) - 1), ""]
+        entries = zip(places, commas, export.parameters, strict=True)
+        lines += ["/* Places of the parameters in their array. */", "enum {"]
+        lines += [*(f"    {place}{comma} /* {path} */" for place, comma, path in entries), "};", ""]
+        lines += ["/* Values of the parameters in the arm. */"]
+        size = export.macro("PARAMETERS")
+        lines += [f"extern const double {export.name}_nominal[{size}];", ""]
     lines += _declarations(export, export.functions)
     if export.controller:
         lines += ["/* Time from one call of the controller to the next, s. */"]
@@ -243,20 +250,6 @@ def _coordinates(export: Exported) -> str:
     rows = zip(names[: export.arm.dof], units, strict=False)
     listed = [f" *   q[{k}]  {name}, {unit}" for k, (name, unit) in enumerate(rows)]
     return "\n".join([" *", " * Coordinates, numbered from 1 by link and mode:", *listed, ""])
-
-
-def _parameters(export: Exported) -> list[str]:
-    places = [f"    {place}" for place in parameter_places(export)]
-    paths = [f"/* {path} */" for path in export.parameters]
-    last = len(places) - 1
-    rows = [
-        f"{place}{',' if k < last else ''} {path}"
-        for k, (place, path) in enumerate(zip(places, paths, strict=True))
-    ]
-    size = export.macro("PARAMETERS")
-    lines = ["/* Places of the parameters in their array. */", "enum {", *rows, "};", ""]
-    lines += ["/* Values of the parameters in the arm. */"]
-    return [*lines, f"extern const double {export.name}_nominal[{size}];", ""]
 
 
 def parameter_places(export: Exported) -> list[str]:
@@ -325,7 +318,14 @@ def _wrapper(export: Exported, function: NamedFunction, body: str) -> str:
     if memory:
         lines.append(f"    double memory_next[{export.macro(memory)}];")
         lines.append("    int k;")
-    lines += _scratch(function, given, written)
+    lines += [
+        f"    const double *arg[{own.sz_arg()}] = {{{', '.join(given)}}};",
+        f"    double *res[{own.sz_res()}] = {{{', '.join(written)}}};",
+    ]
+    if own.sz_iw():
+        lines.append(f"    int iw[{own.sz_iw()}];")
+    if own.sz_w():
+        lines.append(f"    double w[{own.sz_w()}];")
     scratch = ("iw" if own.sz_iw() else "0", "w" if own.sz_w() else "0")
     lines.append(f"    (void){body}(arg, res, {', '.join(scratch)}, 0);")
     if memory:
@@ -343,16 +343,3 @@ def _pointer(export: Exported, function: NamedFunction, name: str) -> str:
     if export.controller and name in export.controller.defaults:
         return f"{name} ? {name} : {name}_at_rest"
     return name
-
-
-def _scratch(function: NamedFunction, given: Iterable[str], written: Iterable[str]) -> list[str]:
-    own = function.function
-    lines = [
-        f"    const double *arg[{own.sz_arg()}] = {{{', '.join(given)}}};",
-        f"    double *res[{own.sz_res()}] = {{{', '.join(written)}}};",
-    ]
-    if own.sz_iw():
-        lines.append(f"    int iw[{own.sz_iw()}];")
-    if own.sz_w():
-        lines.append(f"    double w[{own.sz_w()}];")
-    return lines

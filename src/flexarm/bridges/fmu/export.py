@@ -30,7 +30,7 @@ from flexarm.base.writing.places import check_place, write_whole
 from flexarm.bridges.c_code.export import check_prefix, exported
 from flexarm.bridges.c_code.model_functions import NamedFunction
 from flexarm.bridges.c_code.source import EXTENTS, MEANINGS, PLANNED, Exported, array, origin
-from flexarm.bridges.symbolic.casadi_model import exported_model
+from flexarm.bridges.symbolic.models import exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.integrate.explicit_runge_kutta.dormand_prince import DormandPrince8
 from flexarm.linear.models.state_space import find_inputs, find_outputs, state_names
@@ -125,7 +125,13 @@ def _archive(export: Exported, variables: _Variables, fmi: str) -> bytes:
     content = {"modelDescription.xml": described}
     content |= {f"sources/{file}": text.encode() for file, text in texts.items()}
     if fmi == "3.0":
-        content["sources/buildDescription.xml"] = _build_description(name, sources)
+        root = XML.Element("fmiBuildDescription", fmiVersion="3.0")
+        build = XML.SubElement(root, "BuildConfiguration", modelIdentifier=name)
+        listed = XML.SubElement(build, "SourceFileSet", language="C99")
+        for file in sources:
+            XML.SubElement(listed, "SourceFile", name=file)
+        XML.SubElement(build, "Library", name="m", external="true")
+        content["sources/buildDescription.xml"] = _bytes(root)
     try:
         file, library = compiled(fmi, name, texts, sources)
         content[file] = library
@@ -206,40 +212,6 @@ def _model_description(
     root.set("variableNamingConvention", "flat")
     if two:
         root.set("numberOfEventIndicators", "0")
-    _add_interfaces(root, two, name, sources)
-    _add_units(root, variables)
-    if two:
-        categories = XML.SubElement(root, "LogCategories")
-        XML.SubElement(categories, "Category", name="logStatusError")
-    XML.SubElement(root, "DefaultExperiment", startTime="0", tolerance="1e-07", stepSize=repr(step))
-    listed = XML.SubElement(root, "ModelVariables")
-    for place, variable in enumerate(variables):
-        about, numbers = _attributes(place, variable), _numbers(variable, 1 if two else 0)
-        if two:
-            XML.SubElement(XML.SubElement(listed, "ScalarVariable", about), "Real", numbers)
-        else:
-            XML.SubElement(listed, "Float64", about | numbers)
-    _add_structure(root, two, variables)
-    return _bytes(root)
-
-
-def _build_description(name: str, sources: list[str]) -> bytes:
-    """Return ``buildDescription.xml`` of FMI 3.0."""
-    root = XML.Element("fmiBuildDescription", fmiVersion="3.0")
-    build = XML.SubElement(root, "BuildConfiguration", modelIdentifier=name)
-    files = XML.SubElement(build, "SourceFileSet", language="C99")
-    for source in sources:
-        XML.SubElement(files, "SourceFile", name=source)
-    XML.SubElement(build, "Library", name="m", external="true")
-    return _bytes(root)
-
-
-def _bytes(root: XML.Element) -> bytes:
-    XML.indent(root)
-    return bytes(XML.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
-
-
-def _add_interfaces(root: XML.Element, two: bool, name: str, sources: list[str]) -> None:
     saves = ("canGetAndSetFMUstate", "canSerializeFMUstate")
     for kind in ("ModelExchange", "CoSimulation"):
         element = XML.SubElement(root, kind, modelIdentifier=name)
@@ -254,15 +226,35 @@ def _add_interfaces(root: XML.Element, two: bool, name: str, sources: list[str])
             files = XML.SubElement(element, "SourceFiles")
             for source in sources:
                 XML.SubElement(files, "File", name=source)
-
-
-def _add_units(root: XML.Element, variables: list[_Variable]) -> None:
     units = XML.SubElement(root, "UnitDefinitions")
-    for name in dict.fromkeys(variable.unit for variable in variables if variable.unit):
-        unit = XML.SubElement(units, "Unit", name=name)
-        if name in _UNITS:
-            exponents = {key: str(power) for key, power in _UNITS[name].items()}
-            XML.SubElement(unit, "BaseUnit", exponents)
+    for unit in dict.fromkeys(variable.unit for variable in variables if variable.unit):
+        element = XML.SubElement(units, "Unit", name=unit)
+        if unit in _UNITS:
+            exponents = {key: str(power) for key, power in _UNITS[unit].items()}
+            XML.SubElement(element, "BaseUnit", exponents)
+    if two:
+        categories = XML.SubElement(root, "LogCategories")
+        XML.SubElement(categories, "Category", name="logStatusError")
+    XML.SubElement(root, "DefaultExperiment", startTime="0", tolerance="1e-07", stepSize=repr(step))
+    listed = XML.SubElement(root, "ModelVariables")
+    for place, variable in enumerate(variables):
+        attributes = {"name": variable.name, "valueReference": str(place)}
+        attributes |= {"description": variable.description, "causality": variable.causality}
+        attributes["variability"] = variable.variability
+        if _initial(variable):
+            attributes["initial"] = _initial(variable)
+        about, numbers = attributes, _numbers(variable, 1 if two else 0)
+        if two:
+            XML.SubElement(XML.SubElement(listed, "ScalarVariable", about), "Real", numbers)
+        else:
+            XML.SubElement(listed, "Float64", about | numbers)
+    _add_structure(root, two, variables)
+    return _bytes(root)
+
+
+def _bytes(root: XML.Element) -> bytes:
+    XML.indent(root)
+    return bytes(XML.tostring(root, encoding="utf-8", xml_declaration=True)) + b"\n"
 
 
 def _initial(variable: _Variable) -> str:
@@ -270,15 +262,6 @@ def _initial(variable: _Variable) -> str:
     if variable.causality in ("input", "independent"):
         return ""
     return "calculated" if variable.start is None else "exact"
-
-
-def _attributes(place: int, variable: _Variable) -> dict[str, str]:
-    attributes = {"name": variable.name, "valueReference": str(place)}
-    attributes |= {"description": variable.description, "causality": variable.causality}
-    attributes["variability"] = variable.variability
-    if _initial(variable):
-        attributes["initial"] = _initial(variable)
-    return attributes
 
 
 def _numbers(variable: _Variable, first: int) -> dict[str, str]:
@@ -452,7 +435,22 @@ class _Variables:
                 for path, value in given
             ],
         )
-        self._put_outputs(export)
+        self.places["outputs"] = len(self.all)
+        for function in export.functions:
+            rows = []
+            for channel in _OUTPUTS.get(function.name, ()):
+                meaning, unit = CHANNELS[channel].meaning, CHANNELS[channel].unit
+                labels = [channel]
+                if CHANNELS[channel].dims:
+                    labels = list(find_outputs(export.arm, [channel])[0].names)
+                rows += [_Variable(label, unit, meaning, "output") for label in labels]
+            if rows:
+                self._put(function.name, rows)
+        if export.controller:
+            meaning = "torque of the controller, constant from sample to sample"
+            torque = find_inputs(export.arm, ["torque"])
+            rows = [_Variable(*one[:2], meaning, "output", "discrete") for one in torque]
+            self._put("torque", rows)
 
     def _put(self, name: str, variables: Iterable[_Variable]) -> None:
         self.places[name] = len(self.all)
@@ -519,21 +517,3 @@ class _Variables:
                 for number, value in zip(numbers, values, strict=True)
             ]
             self._put(name, rows)
-
-    def _put_outputs(self, export: Exported) -> None:
-        self.places["outputs"] = len(self.all)
-        for function in export.functions:
-            rows = []
-            for channel in _OUTPUTS.get(function.name, ()):
-                meaning, unit = CHANNELS[channel].meaning, CHANNELS[channel].unit
-                labels = [channel]
-                if CHANNELS[channel].dims:
-                    labels = list(find_outputs(export.arm, [channel])[0].names)
-                rows += [_Variable(label, unit, meaning, "output") for label in labels]
-            if rows:
-                self._put(function.name, rows)
-        if export.controller:
-            meaning = "torque of the controller, constant from sample to sample"
-            torque = find_inputs(export.arm, ["torque"])
-            rows = [_Variable(*one[:2], meaning, "output", "discrete") for one in torque]
-            self._put("torque", rows)

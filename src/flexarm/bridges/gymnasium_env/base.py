@@ -237,7 +237,20 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         render_mode: str | None = None,
         changes: ChangeSource = (),
     ) -> None:
-        _check_objects(arm, plant, hardware, render_mode)
+        right = isinstance(plant, Arm) or callable(plant)
+        rules = (
+            ("arm", "be an Arm", arm, isinstance(arm, Arm)),
+            ("plant", "be an Arm, or a function that returns one", plant, right),
+            ("hardware", "be a Hardware object", hardware, isinstance(hardware, Hardware)),
+            ("render_mode", "be 'rgb_array' or None", render_mode, render_mode == "rgb_array"),
+        )
+        problems = [
+            Problem(name, rule, shown(value))
+            for name, rule, value, right in rules
+            if value is not None and not right
+        ]
+        if problems:
+            raise InputError(*problems)
         hardware = hardware or Hardware()
         if torque_limit is None:
             given = self.laboratory_torque if arm is None else None
@@ -427,24 +440,6 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         info |= self.task_info()
         info["is_success"] = not reason and bool(self.succeeded(values, info))
         return self.layout.vector(self.plant.measurement, values), info
-
-
-def _check_objects(arm: object, plant: object, hardware: object, render_mode: object) -> None:
-    """Raise InputError for all arguments with the wrong type."""
-    right = isinstance(plant, Arm) or callable(plant)
-    rules = (
-        ("arm", "be an Arm", arm, isinstance(arm, Arm)),
-        ("plant", "be an Arm, or a function that returns one", plant, right),
-        ("hardware", "be a Hardware object", hardware, isinstance(hardware, Hardware)),
-        ("render_mode", "be 'rgb_array' or None", render_mode, render_mode == "rgb_array"),
-    )
-    problems = [
-        Problem(name, rule, shown(value))
-        for name, rule, value, right in rules
-        if value is not None and not right
-    ]
-    if problems:
-        raise InputError(*problems)
 
 
 def _default_limit(laboratory: ArrayLike | None, motors: Motors | None) -> ArrayLike:

@@ -68,7 +68,17 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
         threads: int | None = None,
         **arguments: Any,
     ) -> None:
-        _check_supported(arguments)
+        problems = []
+        plant = arguments.get("plant")
+        if callable(plant) and not isinstance(plant, Arm):
+            reason = "cannot be a function in a vector environment"
+            problems.append(Problem("plant", reason, hint=_SYNC))
+        for name in ("hardware", "changes"):
+            if arguments.get(name):
+                reason = "is not supported in a vector environment"
+                problems.append(Problem(name, reason, hint=_SYNC))
+        if problems:
+            raise InputError(*problems)
         self._task = task = self.kind(**arguments)
         arm = task.plant.arm
         refuse_bristles(arm, "a vector environment", hint=_SYNC)
@@ -156,7 +166,12 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
                 ``autoreset_mode`` is ``"Disabled"``.
         """
         part = check_array("actions", actions, (self.num_envs, self._task.arm.joints))
-        begins = self._begins()
+        if self._seen is None:
+            raise gymnasium.error.ResetNeeded("Call reset() before step().")
+        if self._mode is AutoresetMode.DISABLED and self._over.any():
+            how = "options={'reset_mask': terminations | truncations}"
+            raise gymnasium.error.ResetNeeded(f"Episodes are over: call reset({how}).")
+        begins = self._over.copy()
         before = self._seen
         assert before is not None
         np.clip(part, -1.0, 1.0, out=part)
@@ -207,15 +222,6 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
             generator, self._seeds[place] = seeding.np_random()
             self._generators[place] = generator
         return generator
-
-    def _begins(self) -> BoolArray:
-        """Return the sub-environments (num_envs,) whose step begins a new episode."""
-        if self._seen is None:
-            raise gymnasium.error.ResetNeeded("Call reset() before step().")
-        if self._mode is AutoresetMode.DISABLED and self._over.any():
-            how = "options={'reset_mask': terminations | truncations}"
-            raise gymnasium.error.ResetNeeded(f"Episodes are over: call reset({how}).")
-        return self._over.copy()
 
     def _begin(self, places: Rows, options: Mapping[str, Any]) -> None:
         """Begin episodes in some sub-environments."""
@@ -293,21 +299,6 @@ class TrackPathVectorEnv(ArmVectorEnv):
     """Vector environment of ``TrackPathEnv``; see ``ArmVectorEnv``."""
 
     kind = TrackPathEnv
-
-
-def _check_supported(arguments: Mapping[str, Any]) -> None:
-    """Raise InputError for all arguments that a vector environment does not support."""
-    problems = []
-    plant = arguments.get("plant")
-    if callable(plant) and not isinstance(plant, Arm):
-        rule = "cannot be a function in a vector environment"
-        problems.append(Problem("plant", rule, hint=_SYNC))
-    for name in ("hardware", "changes"):
-        if arguments.get(name):
-            rule = "is not supported in a vector environment"
-            problems.append(Problem(name, rule, hint=_SYNC))
-    if problems:
-        raise InputError(*problems)
 
 
 def _checked_mode(given: str | AutoresetMode) -> AutoresetMode:

@@ -16,7 +16,7 @@ from flexarm.base.arguments import check_dataset, check_kind
 from flexarm.base.errors import public_call
 from flexarm.base.writing.mat_file import mat_bytes
 from flexarm.base.writing.places import check_place, write_text, write_whole
-from flexarm.bridges.symbolic.casadi_model import CasadiModel, exported_model
+from flexarm.bridges.symbolic.models import CasadiModel, exported_model
 from flexarm.linear import LinearModel, linearize
 from flexarm.linear.models.state_space import state_names
 
@@ -79,13 +79,6 @@ def export_mat(
     variables: dict[str, Any] = {"linear": linear.arrays()}
     if result is not None:
         variables["result"] = _result_structure(check_dataset("result", result))
-    write_text(_dynamics_file(model, name), script)
-    write_whole(place, [mat_bytes(variables)])
-    return [place, script]
-
-
-def _dynamics_file(model: CasadiModel, name: str) -> str:
-    """Return the text of the file of the function ``name``, for MATLAB and GNU Octave."""
     function = model.forward_dynamics
     given = [one for one in function.name_in() if one != "parameters" or model.parameters]
     sizes = {one: function.size1_in(one) for one in given}
@@ -99,7 +92,9 @@ def _dynamics_file(model: CasadiModel, name: str) -> str:
     lines += [f"if {wrong}", f"    error('{name}:size', 'The rows must be {rows}.')", "end"]
     columns = ", ".join(f"size({one}, 2)" for one in given)
     lines += [f"qdd = zeros({sizes['q']}, max([{columns}]));"]
-    return "\n".join([*lines, *statements(function), "end", ""])
+    write_text("\n".join([*lines, *statements(function), "end", ""]), script)
+    write_whole(place, [mat_bytes(variables)])
+    return [place, script]
 
 
 def _help(model: CasadiModel, name: str) -> list[str]:
@@ -123,11 +118,9 @@ def _help(model: CasadiModel, name: str) -> list[str]:
 
 
 def _result_structure(result: xr.Dataset) -> dict[str, Any]:
-    """Return channels and coordinates by name, ``units`` and ``attributes``.
-
-    Arrays keep the order of their dimensions. Integers become floating-point numbers, because in
-    MATLAB arithmetic with integers rounds; texts become cell arrays.
-    """
+    """Return channels and coordinates by name, ``units`` and ``attributes``."""
+    # Arrays keep the order of their dimensions. Integers become floating-point numbers, because in
+    # MATLAB arithmetic with integers rounds; texts become cell arrays.
     arrays = {str(name): array for name, array in result.variables.items()}
     structure: dict[str, Any] = {name: _numbers(array.values) for name, array in arrays.items()}
     structure["units"] = {name: str(array.attrs.get("units", "")) for name, array in arrays.items()}

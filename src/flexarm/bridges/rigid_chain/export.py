@@ -113,11 +113,9 @@ def _bar(beam: SectionTable, start: float, end: float) -> Link:
 
 
 def _quadrature(x: FloatArray, rigidity: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return nodes and weights of the Gauss quadrature with the weight function 1 / (E I).
-
-    Golub and Welsch: eigenvalues of the matrix of the recurrence of orthogonal polynomials, which
-    is computed with the weight function at many points (Stieltjes).
-    """
+    """Return nodes and weights of the Gauss quadrature with the weight function 1 / (E I)."""
+    # Golub and Welsch: eigenvalues of the matrix of the recurrence of orthogonal polynomials, which
+    # is computed with the weight function at many points (Stieltjes).
     from scipy.linalg import eigh_tridiagonal
 
     points, shares = np.polynomial.legendre.leggauss(_POINTS)
@@ -349,7 +347,12 @@ def _mjcf(chain: RigidChain, masses: list[Body], name: str) -> str:
         if body.joint is None:
             parent.set("euler", f"0 0 {body.angle!r}")
         else:
-            _add_hinge(parent, body)
+            given = {"name": str(body.joint), "type": "hinge", "axis": "0 0 1"}
+            if body.stiffness:
+                given |= {"stiffness": repr(body.stiffness), "springref": repr(body.rest_angle)}
+            if body.damping:
+                given["damping"] = repr(body.damping)
+            SubElement(parent, "joint", given)
             if body.joint.startswith("joint"):
                 SubElement(actuators, "motor", name=body.joint, joint=body.joint)
                 SubElement(sensors, "jointpos", name=f"{body.joint}_angle", joint=body.joint)
@@ -381,7 +384,14 @@ def _urdf(chain: RigidChain, masses: list[Body], name: str) -> str:
         SubElement(inertial, "mass", value=repr(body.mass))
         values = dict.fromkeys(("ixx", "iyy", "izz"), repr(body.inertia))
         SubElement(inertial, "inertia", values | dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
-        _connect(root, parent, body)
+        kind = "fixed" if body.joint is None else "continuous"
+        connection = SubElement(root, "joint", name=body.joint or f"{body.name}_weld", type=kind)
+        SubElement(connection, "parent", link=parent)
+        SubElement(connection, "child", link=body.name)
+        SubElement(connection, "origin", xyz=f"{body.offset!r} 0 0", rpy=f"0 0 {body.angle!r}")
+        if body.joint is not None:
+            SubElement(connection, "axis", xyz="0 0 1")
+            SubElement(connection, "dynamics", damping=repr(body.damping))
         parent = body.name
     tip = [body for body in masses if body.name != "payload"][-1]
     SubElement(root, "link", name="tip")
@@ -416,26 +426,6 @@ def _explained(chain: RigidChain, more: str) -> str:
         *(table if chain.comparisons else []),
     ]
     return "\n".join(lines) + more + "\n"
-
-
-def _add_hinge(parent: Element, body: Body) -> None:
-    given = {"name": str(body.joint), "type": "hinge", "axis": "0 0 1"}
-    if body.stiffness:
-        given |= {"stiffness": repr(body.stiffness), "springref": repr(body.rest_angle)}
-    if body.damping:
-        given["damping"] = repr(body.damping)
-    SubElement(parent, "joint", given)
-
-
-def _connect(root: Element, parent: str, body: Body) -> None:
-    kind = "fixed" if body.joint is None else "continuous"
-    joint = SubElement(root, "joint", name=body.joint or f"{body.name}_weld", type=kind)
-    SubElement(joint, "parent", link=parent)
-    SubElement(joint, "child", link=body.name)
-    SubElement(joint, "origin", xyz=f"{body.offset!r} 0 0", rpy=f"0 0 {body.angle!r}")
-    if body.joint is not None:
-        SubElement(joint, "axis", xyz="0 0 1")
-        SubElement(joint, "dynamics", damping=repr(body.damping))
 
 
 def _time_step(chain: RigidChain) -> str:

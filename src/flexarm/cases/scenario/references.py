@@ -20,16 +20,8 @@ from flexarm.linear.bent_references import (
     pressed_motion,
     quasi_static_reference,
 )
-from flexarm.model import Scenario
+from flexarm.model import Scenario, drives
 from flexarm.model.arm.spec import UNDRIVEN
-from flexarm.model.drives import (
-    ControllerDrive,
-    FlexibleTorqueDrive,
-    IntegralManifoldDrive,
-    QuasiStaticDrive,
-    RigidInverseDynamicsDrive,
-    TipInversionDrive,
-)
 from flexarm.model.environment import RoundWall, Surface, Wall
 from flexarm.model.scenarios.motions import ForceTable, PlainMotionSpec, PressedMotionSpec
 from flexarm.motion import (
@@ -65,7 +57,19 @@ def motion_of(arm: Arm, scenario: Scenario) -> TaskReference | None:
     """Create the motion of a scenario."""
     spec = scenario.motion
     if isinstance(spec, PressedMotionSpec):
-        return _pressed(arm, spec, scenario)
+        with problems_under("path"):
+            path = _plain(arm, spec.path)
+        force = spec.force
+        surface = scenario.contacts[0].surface if scenario.contacts else None
+        return pressed_motion(
+            arm,
+            path,
+            _over_time(force) if isinstance(force, ForceTable) else force,
+            spec.normal if spec.normal is not None else _normal(surface, path),
+            duration=max(scenario.run.duration, path.end_time),
+            friction=spec.friction,
+            interval=spec.interval,
+        )
     return None if spec is None else _plain(arm, spec)
 
 
@@ -83,27 +87,9 @@ def _plain(arm: Arm, spec: PlainMotionSpec) -> Motion:
     return motion
 
 
-def _pressed(arm: Arm, spec: PressedMotionSpec, scenario: Scenario) -> PressedMotion:
-    with problems_under("path"):
-        path = _plain(arm, spec.path)
-    force = spec.force
-    surface = scenario.contacts[0].surface if scenario.contacts else None
-    return pressed_motion(
-        arm,
-        path,
-        _over_time(force) if isinstance(force, ForceTable) else force,
-        spec.normal if spec.normal is not None else _normal(surface, path),
-        duration=max(scenario.run.duration, path.end_time),
-        friction=spec.friction,
-        interval=spec.interval,
-    )
-
-
 def _over_time(table: ForceTable) -> Callable[[float], float]:
-    """Return the force over time, with a quintic between two values and zero slope at each.
-
-    The deflection of the arm follows the force: a kink of the force is a jump of the joint rates.
-    """
+    """Return the force over time, with a quintic between two values and zero slope at each."""
+    # The deflection of the arm follows the force: a kink of the force is a jump of the joint rates.
     return partial(_eased, np.array(table.times), np.array(table.values), quintic())
 
 
@@ -146,7 +132,7 @@ class Followed:
     initial: FloatArray | None = None
 
 
-def reference_of(arm: Arm, drive: ControllerDrive, motion: TaskReference | None) -> Followed:
+def reference_of(arm: Arm, drive: drives.ControllerDrive, motion: TaskReference | None) -> Followed:
     """Return the reference that a controller follows along a motion.
 
     Raises:
@@ -159,7 +145,12 @@ def reference_of(arm: Arm, drive: ControllerDrive, motion: TaskReference | None)
         return Followed(motion, "pressed", motion.holding_torque, motion.initial)
     kind = drive.reference_kind
     if kind is None:
-        return _bent_or_rigid(arm, motion)
+        if arm.dof == arm.joints:
+            return _rigid(arm, motion, followed=True)
+        try:
+            return _quasi_static(arm, motion)
+        except FlexarmError as error:
+            return _rigid(arm, motion, f": {error}", followed=True)
     with problems_under("reference"):
         if kind in _ORDERS:
             return _quasi_static(arm, motion, kind)
@@ -176,27 +167,17 @@ def torque_of(arm: Arm, drive: Any, motion: Motion) -> Followed:
         InputError, SimulationError, InversionError: if the torque does not exist.
     """
     match drive:
-        case RigidInverseDynamicsDrive():
+        case drives.RigidInverseDynamicsDrive():
             return _rigid(arm, motion)
-        case QuasiStaticDrive() | IntegralManifoldDrive():
+        case drives.QuasiStaticDrive() | drives.IntegralManifoldDrive():
             return _quasi_static(arm, motion, drive.kind)
-        case FlexibleTorqueDrive():
+        case drives.FlexibleTorqueDrive():
             torque = flexible_torque(arm, motion)
             return Followed(motion, drive.kind, torque, torque.initial)
-    assert isinstance(drive, TipInversionDrive)
+    assert isinstance(drive, drives.TipInversionDrive)
     options = {name: getattr(drive, name) for name in type(drive).model_fields if name != "kind"}
     inverse = tip_inversion(arm, motion, **options)
     return Followed(motion, drive.kind, inverse.torque, inverse.initial)
-
-
-def _bent_or_rigid(arm: Arm, motion: Motion) -> Followed:
-    """Return the quasi-static reference, or the rigid one with the reason."""
-    if arm.dof == arm.joints:
-        return _rigid(arm, motion, followed=True)
-    try:
-        return _quasi_static(arm, motion)
-    except FlexarmError as error:
-        return _rigid(arm, motion, f": {error}", followed=True)
 
 
 def _rigid(arm: Arm, motion: Motion, reason: str = "", followed: bool = False) -> Followed:

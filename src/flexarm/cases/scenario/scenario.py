@@ -137,10 +137,8 @@ def start_of(
 
 
 def _closed_start(arm: Arm, options: dict[str, Any]) -> dict[str, Any]:
-    """Return the start near a given one that closes the loops.
-
-    Prescribed joints, and joints with a rate, stay as they are given.
-    """
+    """Return the start near a given one that closes the loops."""
+    # Prescribed joints, and joints with a rate, stay as they are given.
     q, rates = options["initial"], options.get("initial_rate", np.zeros(arm.dof))
     moving = arm.joint_numbers[arm.joint_angles(rates) != 0.0].tolist()
     closed = assembled(arm, q, rates, held=sorted({*options.get("prescribed", ()), *moving}))
@@ -508,10 +506,8 @@ def controller_of(drive: ControllerDrive, around: DriveContext) -> Controller:
 
 
 def feedforward_kind(drive: Any, around: DriveContext) -> str:
-    """Return the kind of feedforward of a drive: the given one, or by default the reference.
-
-    Gravity compensation replaces it, and so does the model of computed torque on a rigid arm.
-    """
+    """Return the kind of feedforward of a drive: the given one, or by default the reference."""
+    # Gravity compensation replaces it, and so does the model of computed torque on a rigid arm.
     if drive.feedforward is not None:
         return str(drive.feedforward)
     compensated = getattr(drive, "gravity", "none") != "none"

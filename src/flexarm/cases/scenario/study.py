@@ -23,13 +23,7 @@ from flexarm.model.drives import CONTROLLED, ControllerDrive
 from flexarm.model.plausible import implausible, warn_of
 from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
-from flexarm.simulation.calls.compare import (
-    Evaluation,
-    check_settling,
-    comparison,
-    evaluated,
-    runs_of,
-)
+from flexarm.simulation.calls import compare
 from flexarm.simulation.calls.metrics import Goal
 
 if TYPE_CHECKING:
@@ -66,7 +60,7 @@ class PreparedStudy:
         with problems_at(place, "run"):
             for (_, name), one in self._prepared.items():
                 references = {name: one.followed.motion}
-                check_settling(study.run.settling, study.run.duration, references)
+                compare.check_settling(study.run.settling, study.run.duration, references)
 
     def _check_hardware_of_plants(self, place: Where) -> None:
         """Raise if a drive reads what the hardware of a plant does not measure."""
@@ -91,15 +85,15 @@ class PreparedStudy:
 
     def run(self, progress: bool | None = None, workers: int = 1) -> xr.Dataset:
         """Run the study once; return the table of ``flexarm.compare``, drives as controllers."""
-        evaluations = in_processes(self.evaluation, runs_of(self.names), workers)
-        table = comparison(self.names, evaluations, progress)
+        evaluations = in_processes(self.evaluation, compare.runs_of(self.names), workers)
+        table = compare.comparison(self.names, evaluations, progress)
         table.attrs["duration"] = self.study.run.duration
         return table
 
-    def evaluation(self, drive: str, plant: str, motion: str) -> Evaluation:
+    def evaluation(self, drive: str, plant: str, motion: str) -> compare.Evaluation:
         """Simulate one run; return its metrics, also if it fails."""
         run = partial(self.one, drive, plant, motion)
-        return evaluated(run, self.arm, self.study.run.settling)
+        return compare.evaluated(run, self.arm, self.study.run.settling)
 
     def controlled(self, drive: str) -> bool:
         """Return whether a drive is a controller, which has instruments and motors."""

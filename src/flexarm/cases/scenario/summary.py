@@ -6,13 +6,7 @@ from collections.abc import Sequence
 
 from flexarm.arm.arm import Arm
 from flexarm.model import AccelerationTable, Scenario
-from flexarm.model.scenarios.motions import (
-    CircleMotionSpec,
-    JointMotionSpec,
-    LineMotionSpec,
-    PlainMotionSpec,
-    PressedMotionSpec,
-)
+from flexarm.model.scenarios import motions
 
 _MOST_LINKS_SHOWN = 12
 _SURFACES = {"wall": "wall", "round": "circle", "table": "tabulated surface"}
@@ -45,8 +39,8 @@ def about_run(scenario: Scenario) -> list[tuple[str, str]]:
     """Return names and values that describe a scenario, without its arm."""
     rows = []
     motion = scenario.motion
-    presses = isinstance(motion, PressedMotionSpec)
-    if isinstance(motion, PressedMotionSpec):
+    presses = isinstance(motion, motions.PressedMotionSpec)
+    if isinstance(motion, motions.PressedMotionSpec):
         motion = motion.path
     if motion is not None:
         rows.append(("motion", f"{_way(motion)}{', pressing' if presses else ''}"))
@@ -72,15 +66,15 @@ def about_run(scenario: Scenario) -> list[tuple[str, str]]:
     return rows
 
 
-def _way(motion: PlainMotionSpec) -> str:
+def _way(motion: motions.PlainMotionSpec) -> str:
     changed = [name for name in ("shaping", "smoothing") if getattr(motion, name) is not None]
     also = "".join(f", with {name}" for name in changed)
     match motion:
-        case JointMotionSpec():
+        case motions.JointMotionSpec():
             return f"joints, in {motion.duration:g} s{also}"
-        case LineMotionSpec():
+        case motions.LineMotionSpec():
             path = f"line from {_point(motion.start)} to {_point(motion.end)} m"
-        case CircleMotionSpec():
+        case motions.CircleMotionSpec():
             path = f"circle about {_point(motion.center)} m by {motion.angle:g} rad"
         case _:
             ends = f"{_point(motion.points[0])} to {_point(motion.points[-1])} m"

@@ -40,7 +40,21 @@ class Samples:
         self._plan = study.samples or SamplePlan(count=1)
         self._varied = tuple(study.vary.items())
         self.paths = tuple(study.vary)
-        self._nominal = _nominal_values(study, place)
+        values, problems = [], []
+        for path, item in study.vary.items():
+            whole = (study, path, "study") if in_study(path) else (study.arm, path)
+            try:
+                values.append(number_at("vary", *whole))
+                if item.relative and values[-1] == 0.0:
+                    rule = "not be relative to a number that is 0"
+                    hint = "All samples would be equal. Give the values without `relative: true`."
+                    raise InputError(Problem("vary", rule, shown(path), hint))
+            except InputError as error:
+                where = place(("vary", path))
+                problems += [replace(problem, where=where) for problem in error.problems]
+        if problems:
+            raise InputError(*problems)
+        self._nominal = values
         self._levels = [_levels(item) for _, item in self._varied]
         grid = self._plan.method == "grid"
         self.count = math.prod(map(len, self._levels)) if grid else self._plan.count or 1
@@ -70,7 +84,19 @@ class Samples:
         """Return the germ of a varied number at values (samples,) of it."""
         j = self.paths.index(path)
         item = self._varied[j][1]
-        return germ_of(item, values / self._nominal[j] if item.relative else values)
+        # Polynomials of the germ converge fast: those of Legendre for numbers, or logarithms,
+        # between bounds, and of Hermite for a normal distribution.
+        values = values / self._nominal[j] if item.relative else values
+        if isinstance(item, ListedValues):
+            return counted_germ(values, np.array(item.values))
+        if isinstance(item, NormalDistribution):
+            nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
+            return Germ((values - item.mean) / item.deviation, nodes, weights / weights.sum())
+        nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+        low, high = item.low, item.high
+        if isinstance(item, LogUniformDistribution):
+            low, high, values = np.log(low), np.log(high), np.log(values)
+        return Germ((2.0 * values - low - high) / (high - low), nodes, weights / 2.0)
 
     def noise_seed(self, k: int) -> int | None:
         """Return the seed of the noise of sample k; None for that of the hardware."""
@@ -120,25 +146,6 @@ def in_study(path: str) -> bool:
     return path.partition(".")[0].partition("[")[0] in StudySpec.model_fields
 
 
-def _nominal_values(study: StudySpec, place: Where) -> list[float]:
-    """Return the numbers of a study at the paths of the varied ones."""
-    values, problems = [], []
-    for path, item in study.vary.items():
-        whole = (study, path, "study") if in_study(path) else (study.arm, path)
-        try:
-            values.append(number_at("vary", *whole))
-            if item.relative and values[-1] == 0.0:
-                rule = "not be relative to a number that is 0"
-                hint = "All samples would be equal. Give the values without `relative: true`."
-                raise InputError(Problem("vary", rule, shown(path), hint))
-        except InputError as error:
-            where = place(("vary", path))
-            problems += [replace(problem, where=where) for problem in error.problems]
-    if problems:
-        raise InputError(*problems)
-    return values
-
-
 def _levels(item: Distribution) -> FloatArray:
     """Return the values of a distribution in a grid."""
     if isinstance(item, ListedValues):
@@ -176,24 +183,6 @@ class Germ(NamedTuple):
     values: FloatArray  # (samples,) of the variable
     nodes: FloatArray  # of the quadrature; the weights sum to 1
     weights: FloatArray  # likewise
-
-
-def germ_of(item: Distribution, values: FloatArray) -> Germ:
-    """Return the germ of a distribution at values that are not relative.
-
-    Polynomials of it converge fast: those of Legendre for numbers, or logarithms, between bounds,
-    and of Hermite for a normal distribution.
-    """
-    if isinstance(item, ListedValues):
-        return counted_germ(values, np.array(item.values))
-    if isinstance(item, NormalDistribution):
-        nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
-        return Germ((values - item.mean) / item.deviation, nodes, weights / weights.sum())
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    low, high = item.low, item.high
-    if isinstance(item, LogUniformDistribution):
-        low, high, values = np.log(low), np.log(high), np.log(values)
-    return Germ((2.0 * values - low - high) / (high - low), nodes, weights / 2.0)
 
 
 def counted_germ(values: FloatArray, listed: FloatArray) -> Germ:

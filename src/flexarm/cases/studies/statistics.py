@@ -203,10 +203,8 @@ def sensitivity_indices(
 
 
 def _germs(table: xr.Dataset, paths: Sequence[str], chosen: NDArray[np.bool_]) -> list[Germ]:
-    """Return the germs of the varied numbers in some samples.
-
-    Their distributions are those of the study in the table; without it, those of the samples.
-    """
+    """Return the germs of the varied numbers in some samples."""
+    # Their distributions are those of the study in the table; without it, those of the samples.
     numbers = {path: table[path].values[chosen] for path in paths}
     try:
         study = record_of_bytes(str(table.attrs.get("study", "")).encode(), "the study")
@@ -314,11 +312,9 @@ class Indices(NamedTuple):
 
 
 def indices_of(germs: Sequence[Germ], y: FloatArray, resamples: int, seed: int) -> Indices:
-    """Return the indices of a metric (samples,) that is not constant.
-
-    The intervals contain the scatter of the coefficients, and on both sides the unexplained part of
-    the variance, which may belong to any number.
-    """
+    """Return the indices of a metric (samples,) that is not constant."""
+    # The intervals contain the scatter of the coefficients, and on both sides the unexplained part
+    # of the variance, which may belong to any number.
     scale = y.std()
     terms, basis, error = _expansion(germs, (y - y.mean()) / scale)
     coefficients = np.linalg.lstsq(basis, (y - y.mean()) / scale, rcond=None)[0]
@@ -339,10 +335,8 @@ def indices_of(germs: Sequence[Germ], y: FloatArray, resamples: int, seed: int) 
 
 
 def _expansion(germs: Sequence[Germ], y: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Return the degrees (terms, numbers) of an expansion, its basis (samples, terms), its error.
-
-    The error is that of cross-validation, divided by the variance.
-    """
+    """Return degrees (terms, numbers) of an expansion, its basis (samples, terms), its error."""
+    # The error is that of cross-validation, divided by the variance.
     most = min(y.size, max(_MOST_NUMBERS // y.size, 2 * len(germs) + 1))
     degrees = [min(_MOST_DEGREE, germ.nodes.size - 1) for germ in germs]
     powers = [_polynomials(germ, degree) for germ, degree in zip(germs, degrees, strict=True)]

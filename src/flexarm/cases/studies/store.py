@@ -100,11 +100,9 @@ class Ending:
         return 0.0 if self._stop is None else self._stop.within
 
     def _width(self, metrics: FloatArray) -> float:
-        """Return half the widest interval of the quantile of any drive, plant and motion.
-
-        It is divided by the quantile. Each decision has its part of the probability of an error,
-        so that the study ends rightly with the confidence. Runs without a value are left out.
-        """
+        """Return half the widest interval of the quantile of any drive, plant and motion."""
+        # It is divided by the quantile. Each decision has its part of the probability of an error,
+        # so that the study ends rightly with the confidence. Runs without a value are left out.
         assert self._stop is not None
         rule, names = self._stop, [metric.name for metric in RECORDED]
         confidence = 1.0 - (1.0 - rule.confidence) / len(self.decisions)
@@ -121,11 +119,9 @@ class Ending:
 def quantile_interval(
     values: FloatArray, quantile: float, confidence: float
 ) -> tuple[float, float]:
-    """Return the interval of a quantile from independent samples, for any distribution.
-
-    Its ends are order statistics (David and Nagaraja, Order Statistics, 2003, section 7.1), and
-    infinite if there are too few samples.
-    """
+    """Return the interval of a quantile from independent samples, for any distribution."""
+    # Its ends are order statistics (David and Nagaraja, Order Statistics, 2003, section 7.1), and
+    # infinite if there are too few samples.
     from scipy.stats import binom
 
     tail = 0.5 * (1.0 - confidence)

@@ -149,10 +149,8 @@ def _about_vibration(
 
 
 def _about_integrator(arm: Arm, options: Mapping[str, Any] | None = None) -> Rows:
-    """Return the integrator of a run with these arguments of ``simulate``, and the reason.
-
-    Without arguments, it is that of an arm which moves freely for one second.
-    """
+    """Return the integrator of a run with these arguments of ``simulate``, and the reason."""
+    # Without arguments, it is that of an arm which moves freely for one second.
     from flexarm.simulation.calls.preparation import integrator_of
 
     arguments = dict(options or {"duration": 1.0})

@@ -16,8 +16,6 @@ from flexarm.cli.options import LIST, ArmFile, comma_separated, flag, option
 from flexarm.cli.tables import console, numbers, print_line
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from flexarm.planning.proposals.design import ControllerDesign
 
 #: Columns of the margins: variable, heading, factor to the displayed unit.
@@ -95,7 +93,13 @@ def design(
         proposal = proposals.design(loaded, task, **options)
     screen = console()
     screen.print(_errors_of(proposal))
-    screen.print(_margins_of(proposal.table))
+    rows = []
+    for name in proposal.table["candidate"].values:
+        case = proposal.table.sel(candidate=name)
+        values = (factor * float(case[variable]) for variable, _, factor in _MARGINS)
+        rows.append([str(name), *(f"{value:.3g}" for value in values)])
+    title = "Margins of the loop at each joint, the worst of all arms; growth in 1/s"
+    screen.print(numbers(title, ["candidate", *(head for _, head, _ in _MARGINS)], rows))
     for text in proposal.reasons:
         print_line("\n".join(textwrap.wrap(text, _WIDTH)))
     if proposal.table["growth"].sel(candidate=proposal.chosen) > 0.0:
@@ -130,14 +134,3 @@ def _errors_of(proposal: ControllerDesign) -> object:
         rows.append([f"{name} *" if name == proposal.chosen else str(name), *cells])
     title = f"Task {proposal.task}: error in {unit} on each arm; * is proposed"
     return numbers(title, ["candidate", *map(str, table["plant"].values), "peak N m"], rows)
-
-
-def _margins_of(table: xr.Dataset) -> object:
-    """Return the table of the margins of all candidates."""
-    rows = []
-    for name in table["candidate"].values:
-        case = table.sel(candidate=name)
-        values = (factor * float(case[variable]) for variable, _, factor in _MARGINS)
-        rows.append([str(name), *(f"{value:.3g}" for value in values)])
-    title = "Margins of the loop at each joint, the worst of all arms; growth in 1/s"
-    return numbers(title, ["candidate", *(head for _, head, _ in _MARGINS)], rows)

@@ -2,18 +2,102 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from io import StringIO
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Annotated
 
 from rich.console import Console, Group, RenderableType
 
+from flexarm.base.processes import process_pool, usable_cores
 from flexarm.cli.options import flag, option
 from flexarm.cli.tables import console, numbers, print_line
 
 if TYPE_CHECKING:
     from flexarm.view.paper import PaperCase
+    from flexarm.view.plot.paper.paper_data import Histories
+
+
+_MOST_PROCESSES = 2  # more would not speed up the figures of the paper
+_Task = tuple[Callable[..., None], tuple[object, ...]]
+
+
+def load_plotting() -> None:
+    """Import the modules for drawing."""
+    import flexarm.cases.results
+    import flexarm.view.plot.paper.paper_figures  # noqa: F401
+
+
+def draw_figures(names: Sequence[str], case: Histories, folder: Path) -> None:
+    """Save figures of the paper as PNG and PDF; also accepts "overview" and "theories"."""
+    from flexarm.cases.results import write_figure
+    from flexarm.view.plot.paper.paper_figures import FIGURES
+
+    for name in names:
+        figure = FIGURES[name](case)
+        for suffix in (".png", ".pdf"):
+            write_figure(figure, folder / f"{name}{suffix}")
+
+
+class Drawing:
+    """Pool of drawing processes as a context manager; its exit waits for all figures.
+
+    If no processes are available, the figures are drawn in this one.
+    """
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+        self._tasks: list[tuple[Future[None] | None, _Task]] = []
+
+    def __enter__(self) -> Drawing:
+        processes = min(_MOST_PROCESSES, usable_cores())
+        if processes > 1:
+            try:
+                self._pool = process_pool(processes, load_plotting)
+            except (OSError, NotImplementedError, ImportError):  # no semaphores on this system
+                self._pool = None
+        return self
+
+    def submit(self, function: Callable[..., None], *arguments: object) -> None:
+        """Schedule a function call, in another process if possible."""
+        future = None
+        if self._pool is not None:
+            try:
+                future = self._pool.submit(function, *arguments)
+            except BrokenProcessPool:
+                self._pool = None
+        self._tasks.append((future, (function, arguments)))
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if error is None:
+                for future, task in self._tasks:
+                    _finish(future, *task)
+        finally:
+            if self._pool is not None:
+                self._pool.shutdown(wait=error is None, cancel_futures=True)
+
+
+def _finish(
+    future: Future[None] | None, function: Callable[..., None], arguments: tuple[object, ...]
+) -> None:
+    if future is not None:
+        try:
+            future.result()
+        except BrokenProcessPool:
+            pass
+        else:
+            return
+    function(*arguments)
+
 
 #: Number of single figures that a process draws in one task.
 _AT_ONCE = 4
@@ -44,7 +128,6 @@ def paper(
     from importlib.resources import files
 
     from flexarm.base.writing.places import check_folder, write_text
-    from flexarm.cli.drawing import Drawing, draw_figures
 
     check_folder("--out", out)
     if report:
@@ -92,7 +175,19 @@ def _report(slow: PaperCase, fast: PaperCase) -> Iterator[RenderableType]:
         _comparison(slow, fast),
     )
     yield _NOTES
-    yield from _frequencies(slow)
+    from flexarm.view.paper import FINE_ELEMENTS, frequency_tables
+
+    tables = frequency_tables(slow)
+    fine = f"{FINE_ELEMENTS} + {FINE_ELEMENTS}"
+    heads = ["mode", *(f"{table.joints}, {mesh}" for table in tables for mesh in ("2 + 1", fine))]
+    columns = [column for table in tables for column in (table.paper_mesh, table.fine_mesh)]
+    rows = [
+        (str(mode), *(f"{value:.3f}" for value in row))
+        for mode, row in enumerate(zip(*columns, strict=True), start=1)
+    ]
+    title = "Natural frequencies at the start [Hz]"
+    yield numbers(title, heads, rows)
+    yield "locked, free: the joints. 2 + 1 are the paper's elements."
 
 
 def _comparison(slow: PaperCase, fast: PaperCase) -> Iterator[tuple[str, ...]]:
@@ -113,22 +208,6 @@ def _comparison(slow: PaperCase, fast: PaperCase) -> Iterator[tuple[str, ...]]:
 
 def _millimetres(metres: float) -> str:
     return f"{1e3 * metres:.2f}"
-
-
-def _frequencies(case: PaperCase) -> Iterator[RenderableType]:
-    from flexarm.view.paper import FINE_ELEMENTS, frequency_tables
-
-    tables = frequency_tables(case)
-    fine = f"{FINE_ELEMENTS} + {FINE_ELEMENTS}"
-    heads = ["mode", *(f"{table.joints}, {mesh}" for table in tables for mesh in ("2 + 1", fine))]
-    columns = [column for table in tables for column in (table.paper_mesh, table.fine_mesh)]
-    rows = [
-        (str(mode), *(f"{value:.3f}" for value in row))
-        for mode, row in enumerate(zip(*columns, strict=True), start=1)
-    ]
-    title = "Natural frequencies at the start [Hz]"
-    yield numbers(title, heads, rows)
-    yield "locked, free: the joints. 2 + 1 are the paper's elements."
 
 
 def _as_text(report: Group) -> str:

@@ -363,11 +363,9 @@ class MeasuredModes:
 def _shapes_at(
     modes: Modes, numbers: NDArray[np.intp], labels: tuple[Label, ...]
 ) -> tuple[NDArray[np.complex128], FloatArray]:
-    """Return shapes (k, outputs) of modes of a model, and the RMS (outputs,) of their channels.
-
-    The RMS is over the modes and all parts of a channel, because a part that does not move, such as
-    the axis along the arm, has no size of its own.
-    """
+    """Return shapes (k, outputs) of modes of a model, and the RMS (outputs,) of their channels."""
+    # The RMS is over the modes and all parts of a channel, because a part that does not move, such
+    # as the axis along the arm, has no size of its own.
     states = np.concatenate(
         [modes.complex_shapes, modes.eigenvalues[:, None] * modes.complex_shapes], axis=1
     )[numbers]

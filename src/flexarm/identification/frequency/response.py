@@ -7,7 +7,6 @@ for segments that overlap Harris, Proceedings of the IEEE 66 (1978) 51.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -110,19 +109,16 @@ class FrequencyResponse:
         fit = fitted(
             self.frequency_hz[inside], self.response[inside], self.deviation[inside], rates, count
         )
-        self._warn_of_poor_fits(fit["fit"])
-        return MeasuredModes(**fit, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
-
-    def _warn_of_poor_fits(self, fit: FloatArray) -> None:
         poor = [
             f"{output} to {given} ({percent:.2g} %)"
-            for output, row in zip(self.outputs, fit, strict=True)
+            for output, row in zip(self.outputs, fit["fit"], strict=True)
             for given, percent in zip(self.inputs, row, strict=True)
             if percent < _POOR
         ]
         if poor:
             text = f"the fitted modes hardly reproduce {', '.join(poor)}; 100 % is perfect. "
             warn_caller(text + "Check the number of modes and the noise.", AccuracyWarning)
+        return MeasuredModes(**fit, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
 
 
 @public_call
@@ -170,34 +166,11 @@ def frequency_response(
     if period is not None and segment is not None:
         raise InputError(Problem("segment", "cannot be combined with period"))
     limits = _check_band(band)
-    inputs, outputs = _signals_of(given)
-    if period is not None:
-        length = check_positive("period", period, "s")
-        parts = [_periodic_spectra(record, length, start) for record in given.values()]
-    else:
-        width = None if segment is None else check_positive("segment", segment, "s")
-        parts = [_segment_spectra(record, width, start) for record in given.values()]
-    spectra = _average(parts)
-    return _estimate(spectra, next(iter(given.values())), inputs, outputs, limits)
-
-
-def _check_band(band: ArrayLike | None) -> tuple[float, float]:
-    """Return the lowest and the highest frequency, Hz; all without a band."""
-    if band is None:
-        return 0.0, np.inf
-    low, high = check_array("band", band, (2,)).tolist()
-    if low > high:
-        raise InputError(Problem("band", "be ascending", shown([low, high])))
-    return low, high
-
-
-def _signals_of(records: Mapping[str, MeasuredRecord]) -> tuple[list[Label], list[Label]]:
-    """Return the inputs and outputs that all records have, with the same settings."""
-    names = list(records)
-    first = records[names[0]]
+    names = list(given)
+    first = given[names[0]]
     inputs, outputs = list(first.inputs), list(first.outputs)
     problems = []
-    for name, record in records.items():
+    for name, record in given.items():
         if record.input == "none":
             problems.append(Problem(name, "has no torque, current or voltage as its input"))
         if record.settings.prescribed:
@@ -211,17 +184,29 @@ def _signals_of(records: Mapping[str, MeasuredRecord]) -> tuple[list[Label], lis
             problems.append(Problem(name, f"has another rate than {names[0]}, {first.rate:g} Hz"))
     if problems:
         raise InputError(*problems)
-    return inputs, outputs
-
-
-def _average(parts: list[_Spectra]) -> _Spectra:
-    """Return the average of the spectra of records, weighted by their numbers of averages."""
+    if period is not None:
+        length = check_positive("period", period, "s")
+        parts = [_periodic_spectra(record, length, start) for record in given.values()]
+    else:
+        width = None if segment is None else check_positive("segment", segment, "s")
+        parts = [_segment_spectra(record, width, start) for record in given.values()]
     if any(part.frequency_hz.size != parts[0].frequency_hz.size for part in parts):
         rule, hint = "is required for records of different length", "Give its length in seconds."
         raise InputError(Problem("segment", rule, hint=hint))
     averages = sum(part.averages for part in parts)
     total = sum(part.averages * part.matrix for part in parts) / averages
-    return _Spectra(parts[0].frequency_hz, np.asarray(total), averages)
+    spectra = _Spectra(parts[0].frequency_hz, np.asarray(total), averages)
+    return _estimate(spectra, next(iter(given.values())), inputs, outputs, limits)
+
+
+def _check_band(band: ArrayLike | None) -> tuple[float, float]:
+    """Return the lowest and the highest frequency, Hz; all without a band."""
+    if band is None:
+        return 0.0, np.inf
+    low, high = check_array("band", band, (2,)).tolist()
+    if low > high:
+        raise InputError(Problem("band", "be ascending", shown([low, high])))
+    return low, high
 
 
 def _estimate(

@@ -28,10 +28,8 @@ from flexarm.model.wording import Fault, Path, refuse, suggestion
 
 
 def _of_a_section(value: float) -> float:
-    """Raise if a dimension is so small or large that its unit must be wrong.
-
-    Within these limits fourth powers are finite and greater than zero.
-    """
+    """Raise if a dimension is so small or large that its unit must be wrong."""
+    # Within these limits fourth powers are finite and greater than zero.
     if not 1e-9 <= value <= 1e3:
         raise refuse("be between 1e-9 and 1000", value, "Dimensions are in metres.")
     return value
@@ -77,7 +75,19 @@ def _by_name(value: Any) -> Any:
 MaterialOrName = Annotated[Material, BeforeValidator(_by_name)]
 
 
-class Rectangle(Record):
+class _Section(Record):
+    """Base of cross-sections."""
+
+    _depth: ClassVar[str] = "height"
+
+    @property
+    def depth(self) -> float:
+        """Extent in the plane of motion (m)."""
+        depth: float = getattr(self, self._depth)
+        return depth
+
+
+class Rectangle(_Section):
     """A solid rectangle; the link bends in the direction of its `height`."""
 
     kind: Literal["rectangle"] = "rectangle"
@@ -101,18 +111,15 @@ class Rectangle(Record):
         """Shear coefficient k of the area; theory page "beams", (B.36)."""
         return 5 / 6
 
-    @property
-    def depth(self) -> float:
-        """Extent in the plane of motion (m)."""
-        return self.height
 
-
-class Circle(Record):
+class Circle(_Section):
     """A solid circle."""
 
     kind: Literal["circle"] = "circle"
     diameter: Dimension
     """Diameter (m)."""
+
+    _depth: ClassVar[str] = "diameter"
 
     @property
     def area(self) -> float:
@@ -129,13 +136,8 @@ class Circle(Record):
         """Shear coefficient k of the area; theory page "beams", (B.36)."""
         return 6 / 7
 
-    @property
-    def depth(self) -> float:
-        """Extent in the plane of motion (m)."""
-        return self.diameter
 
-
-class Tube(Record):
+class Tube(_Section):
     """A circular tube."""
 
     kind: Literal["tube"] = "tube"
@@ -143,6 +145,8 @@ class Tube(Record):
     """Outer diameter (m)."""
     thickness: Dimension
     """Wall thickness (m)."""
+
+    _depth: ClassVar[str] = "outer_diameter"
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -171,13 +175,8 @@ class Tube(Record):
         ratio = (self._inner_diameter / self.outer_diameter) ** 2
         return 6 * (1 + ratio) ** 2 / (7 * (1 + ratio) ** 2 + 20 * ratio)
 
-    @property
-    def depth(self) -> float:
-        """Extent in the plane of motion (m)."""
-        return self.outer_diameter
 
-
-class Box(Record):
+class Box(_Section):
     """A hollow rectangle with uniform wall thickness."""
 
     kind: Literal["box"] = "box"
@@ -216,11 +215,6 @@ class Box(Record):
         """
         m = (self.width - self.thickness) / (self.height - self.thickness)
         return 10 * (1 + 3 * m) ** 2 / (12 + 72 * m + 150 * m**2 + 120 * m**3 + 30 * m**4)
-
-    @property
-    def depth(self) -> float:
-        """Extent in the plane of motion (m)."""
-        return self.height
 
 
 Section = Annotated[Rectangle | Circle | Tube | Box, Field(discriminator="kind")]
@@ -464,11 +458,31 @@ class Link(Record):
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        yield from _description_faults(given)
+        numbers = [name for name in _CONSTANTS if not given.absent(name)]
+        shape = [name for name in ("material", "section") if not given.absent(name)]
+        table = ["table"] if not given.absent("table") else []
+        ways = [names for names in (table, shape, numbers) if names]
+        if not ways:
+            yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
+        for names in ways[1:]:
+            for name in names:
+                yield Fault((name,), f"cannot be combined with {' and '.join(ways[0])}", hint=_WAYS)
+        if len(ways) == 1 and len(shape) == 1:
+            other = "section" if shape == ["material"] else "material"
+            yield Fault((other,), f"is required with {shape[0]}")
+        if ways == [numbers] and given.absent("mass_per_length"):
+            yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
         yield from _rigid_or_flexible_faults(given)
         yield from _shear_faults(given)
         if given.has("rotary_inertia") and given.rotary_inertia:
-            yield from _rotary_inertia_faults(given)
+            in_table = given.has("table") and given.table.rotary_inertia_per_length is not None
+            constants = (
+                given.absent("table") and given.absent("material") and given.absent("section")
+            )
+            if (given.has("table") and not in_table) or (
+                constants and given.absent("rotary_inertia_per_length")
+            ):
+                yield Fault(("rotary_inertia",), "requires rotary_inertia_per_length")
         if given.has("length", "table"):
             yield from _table_end_faults(given.length, given.table.x[-1])
         if given.has("elements", "segments"):
@@ -480,24 +494,6 @@ class Link(Record):
                 if gauge.station > given.length:
                     rule = f"be at most {given.length:.9g} (the length of the link)"
                     yield Fault(("gauges", i, "station"), rule, shown(gauge.station))
-
-
-def _description_faults(given: Given) -> Iterator[Fault]:
-    """Yield the faults of a link whose description is incomplete or given twice."""
-    constants = [name for name in _CONSTANTS if not given.absent(name)]
-    shape = [name for name in ("material", "section") if not given.absent(name)]
-    table = ["table"] if not given.absent("table") else []
-    ways = [names for names in (table, shape, constants) if names]
-    if not ways:
-        yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
-    for names in ways[1:]:
-        for name in names:
-            yield Fault((name,), f"cannot be combined with {' and '.join(ways[0])}", hint=_WAYS)
-    if len(ways) == 1 and len(shape) == 1:
-        other = "section" if shape == ["material"] else "material"
-        yield Fault((other,), f"is required with {shape[0]}")
-    if ways == [constants] and given.absent("mass_per_length"):
-        yield Fault(("mass_per_length",), "is missing", hint=_WAYS)
 
 
 def _rigid_or_flexible_faults(given: Given) -> Iterator[Fault]:
@@ -551,16 +547,6 @@ def _shear_faults(given: Given) -> Iterator[Fault]:
         yield Fault(
             path, "is missing", hint="It is k G A. A material and a section define it, too."
         )
-
-
-def _rotary_inertia_faults(given: Given) -> Iterator[Fault]:
-    """Yield a fault if rotary inertia is requested and the description has none."""
-    in_table = given.has("table") and given.table.rotary_inertia_per_length is not None
-    constants = given.absent("table") and given.absent("material") and given.absent("section")
-    if (given.has("table") and not in_table) or (
-        constants and given.absent("rotary_inertia_per_length")
-    ):
-        yield Fault(("rotary_inertia",), "requires rotary_inertia_per_length")
 
 
 def _table_end_faults(length: float, end: float) -> Iterator[Fault]:

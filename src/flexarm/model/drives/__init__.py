@@ -9,8 +9,9 @@ from pydantic import Field
 
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
-from flexarm.model.drives.around import AROUND, FilterSpec
-from flexarm.model.drives.base import ControllerDrive
+from flexarm.model.drives.around import AROUND
+from flexarm.model.drives.around import FilterSpec as FilterSpec
+from flexarm.model.drives.base import ControllerDrive as ControllerDrive
 from flexarm.model.drives.controllers import GROUPS, one_of
 from flexarm.model.quantities import Listed, Number, Positive, length_of
 from flexarm.model.wording import Fault
@@ -141,23 +142,3 @@ globals().update({record.__name__: record for record in (*CONTROLLED.values(), F
 def balances(drive: object) -> bool:
     """Return whether a drive includes gravity compensation, or accepts no feedforward torque."""
     return isinstance(drive, ControllerDrive) and drive.balances()
-
-
-__all__ = [
-    "CONTROLLED",
-    "DRIVES",
-    "FEEDFORWARD_DRIVES",
-    "ControllerDrive",
-    "Drive",
-    "FilterSpec",
-    "FlexibleTorqueDrive",
-    "IntegralManifoldDrive",
-    "NoDrive",
-    "QuasiStaticDrive",
-    "RigidInverseDynamicsDrive",
-    "TipInversionDrive",
-    "TorqueDrive",
-    "balances",
-    "in_volts",
-    "winding_faults",
-]

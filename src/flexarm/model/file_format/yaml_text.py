@@ -189,7 +189,16 @@ class Document:
             ]
             return [value for value, _ in items], 1 + sum(size for _, size in items)
         if isinstance(node, yaml.MappingNode):
-            self._check_keys(node, path)
+            lines: dict[str, int] = {}
+            for key, _ in node.value:
+                line = key.start_mark.line + 1
+                if not isinstance(key, yaml.ScalarNode):
+                    self._report(key, path, "has a list or a mapping as a key")
+                elif key.value in lines:
+                    rule = f"is a duplicate key, first given in line {lines[key.value]}"
+                    self._report(key, (*path, key.value), rule)
+                else:
+                    lines[key.value] = line
             entries = {
                 key: self._sized(value, (*path, key))
                 for key, (_, value) in self._entries_of(node).items()
@@ -214,19 +223,6 @@ class Document:
         self._entries[id(mapping)] = merged | own
         return merged | own
 
-    def _check_keys(self, node: yaml.MappingNode, path: Path) -> None:
-        """Report duplicate keys and keys that are not scalars."""
-        lines: dict[str, int] = {}
-        for key, _ in node.value:
-            line = key.start_mark.line + 1
-            if not isinstance(key, yaml.ScalarNode):
-                self._report(key, path, "has a list or a mapping as a key")
-            elif key.value in lines:
-                rule = f"is a duplicate key, first given in line {lines[key.value]}"
-                self._report(key, (*path, key.value), rule)
-            else:
-                lines[key.value] = line
-
     def _report(self, node: yaml.Node, path: Path, rule: str) -> None:
         where = f"{self.file}:{node.start_mark.line + 1}"
         self.problems.append(Problem(path_text(path) or "the file", rule, where=where))
@@ -240,7 +236,11 @@ def parse(file: FilePath, text: str) -> Document:
             raise ModelError(Problem("the file", "is empty", where=str(file)))
         return Document(file, root)
     except yaml.MarkedYAMLError as error:
-        raise ModelError(_syntax_problem(file, error)) from None
+        mark = error.problem_mark or error.context_mark
+        where = f"{file}:{mark.line + 1}" if mark else str(file)
+        fault = f"is not valid YAML: {error.problem or error.context}"
+        hint = "Indent with spaces." if "'\\t'" in fault else ""
+        raise ModelError(Problem("the file", fault, hint=hint, where=where)) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         rule = f"contains the character {error.character:#x}, which YAML does not allow"
@@ -260,15 +260,6 @@ def _composed(text: str) -> yaml.Node | None:
         except (yaml.YAMLError, UnicodeError):
             pass
     return yaml.compose(text, Loader=_Loader)
-
-
-def _syntax_problem(file: FilePath, error: yaml.MarkedYAMLError) -> Problem:
-    """Convert PyYAML's syntax error to a problem."""
-    mark = error.problem_mark or error.context_mark
-    where = f"{file}:{mark.line + 1}" if mark else str(file)
-    rule = f"is not valid YAML: {error.problem or error.context}"
-    hint = "Indent with spaces." if "'\\t'" in rule else ""
-    return Problem("the file", rule, hint=hint, where=where)
 
 
 def _whole(text: str) -> int | float:

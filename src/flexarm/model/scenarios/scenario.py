@@ -8,27 +8,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from flexarm.base.errors import shown
+from flexarm.model import drives, environment
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
-from flexarm.model.drives import (
-    CONTROLLED,
-    FEEDFORWARD_DRIVES,
-    Drive,
-    NoDrive,
-    balances,
-    in_volts,
-    winding_faults,
-)
-from flexarm.model.environment import (
-    BaseAcceleration,
-    Change,
-    Contact,
-    Load,
-    contact_faults,
-    file_change_faults,
-    load_faults,
-    motor_change_faults,
-)
 from flexarm.model.hardware import LIMITS, Hardware, hardware_faults
 from flexarm.model.quantities import (
     Count,
@@ -185,7 +167,7 @@ def prescribed_faults(given: Given, turning: Sequence[int]) -> Iterator[Fault]:
     if not given.has("prescribed") or not given.prescribed:
         return
     kind = look(given.raw("drive"), "kind")
-    if isinstance(kind, str) and kind in CONTROLLED:
+    if isinstance(kind, str) and kind in drives.CONTROLLED:
         yield Fault(("prescribed",), f"cannot be combined with drive {kind}")
     seen: dict[int, int] = {}
     for i, joint in enumerate(given.prescribed):
@@ -307,21 +289,21 @@ class Scenario(Record):
     """The arm."""
     motion: MotionSpec | None = None
     """The reference motion."""
-    drive: Drive = NoDrive()
+    drive: drives.Drive = drives.NoDrive()
     """Source of the joint torques."""
     hardware: Hardware | None = None
     """Instruments and motors between the controller and the arm."""
     prescribed: Listed[PrescribedJoint] = ()
     """Joints with a prescribed motion."""
-    loads: Listed[Load] = ()
+    loads: Listed[environment.Load] = ()
     """Forces and moments that act on the links."""
-    base_acceleration: BaseAcceleration | None = None
+    base_acceleration: environment.BaseAcceleration | None = None
     """Acceleration of the base [x, y] (m/s^2), or a table of it."""
     events: Listed[EventSpec] = ()
     """Events to locate, which are recorded or end the run."""
-    contacts: Listed[Contact] = ()
+    contacts: Listed[environment.Contact] = ()
     """Contacts of points of the arm with surfaces."""
-    changes: Listed[Change] = ()
+    changes: Listed[environment.Change] = ()
     """Numbers of the simulated arm that change during the run."""
     initial: InitialState = InitialState()
     """Initial state of the arm."""
@@ -345,29 +327,31 @@ class Scenario(Record):
             length = length_of(values)
             if joints and length not in (None, joints):
                 yield Fault(path, f"have length {joints}, one value for each joint", str(length))
-        if given.has("hardware") and kind not in CONTROLLED:
+        if given.has("hardware") and kind not in drives.CONTROLLED:
             yield Fault(("hardware",), "requires a controller as drive")
         yield from hardware_faults(given)
-        yield from load_faults(given)
-        yield from contact_faults(given)
+        yield from environment.load_faults(given)
+        yield from environment.contact_faults(given)
         yield from motion_faults(given)
         yield from prescribed_faults(given, turning)
         yield from event_faults(given, turning)
         if given.has("arm", "changes", "events"):
-            yield from file_change_faults(given.arm, given.changes, event_names(given.events))
-        if given.has("drive") and in_volts(given.drive):
+            yield from environment.file_change_faults(
+                given.arm, given.changes, event_names(given.events)
+            )
+        if given.has("drive") and drives.in_volts(given.drive):
             if given.has("arm"):
-                yield from (fault.inside("drive") for fault in winding_faults(given.arm))
+                yield from (fault.inside("drive") for fault in drives.winding_faults(given.arm))
             if given.has("changes"):
-                yield from motor_change_faults(given.changes)
+                yield from environment.motor_change_faults(given.changes)
         if given.has("arm", "initial"):
             yield from _base_faults(given.arm.base.free, given.initial)
-        if given.has("initial", "drive") and given.initial.balance and balances(given.drive):
+        if given.has("initial", "drive") and given.initial.balance and drives.balances(given.drive):
             rule = "cannot be combined with a drive that compensates gravity"
             yield Fault(("initial", "balance"), rule)
 
 
-_FOLLOWING = (*FEEDFORWARD_DRIVES, *CONTROLLED)
+_FOLLOWING = (*drives.FEEDFORWARD_DRIVES, *drives.CONTROLLED)
 """Drives that follow a motion."""
 
 
@@ -381,10 +365,8 @@ def _turning(arm: object) -> list[int]:
 
 
 def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
-    """Yield the values that need one entry per joint of the arm, with their paths.
-
-    These are raw values, because only lengths are compared here and the entries may be invalid.
-    """
+    """Yield the values that need one entry per joint of the arm, with their paths."""
+    # These are raw values, because only lengths are compared here and the entries may be invalid.
     motion, drive, initial = (given.raw(name) for name in ("motion", "drive", "initial"))
     place: Path = ("motion",)
     if look(motion, "kind") == "pressed":
@@ -403,7 +385,7 @@ def _values_per_joint(given: Given) -> Iterator[tuple[Path, Any]]:
     place = ("drive",)
     while drive is not None:  # a controller may contain another one
         kind = look(drive, "kind")
-        record = CONTROLLED.get(kind) if isinstance(kind, str) else None
+        record = drives.CONTROLLED.get(kind) if isinstance(kind, str) else None
         for name in record.per_joint if record else ():
             yield (*place, name), look(drive, name)
         drive, place = look(drive, "inner"), (*place, "inner")

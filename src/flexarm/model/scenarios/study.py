@@ -9,18 +9,11 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, ValidationError
 
 from flexarm.base.errors import InputError, shown
+from flexarm.model import environment
 from flexarm.model.arm.joints import Friction
 from flexarm.model.arm.spec import ArmSpec, varied_spec
 from flexarm.model.checks import Given, Record, faults_of
 from flexarm.model.drives import CONTROLLED, Drive, in_volts
-from flexarm.model.environment import (
-    Change,
-    Contact,
-    Load,
-    file_change_faults,
-    motor_change_faults,
-    off_the_arm,
-)
 from flexarm.model.hardware import Hardware, instrument_faults
 from flexarm.model.quantities import (
     Count,
@@ -228,9 +221,9 @@ class PlantSpec(Record):
     """Factor of the mass per length, one for all links or one for each."""
     friction: Friction | None = None
     """Friction of every joint that is not fixed."""
-    loads: Listed[Load] = ()
+    loads: Listed[environment.Load] = ()
     """Forces and moments that act on this plant alone."""
-    changes: Listed[Change] = ()
+    changes: Listed[environment.Change] = ()
     """Numbers of this plant that change during each run."""
     hardware: Hardware | None = None
     """Instruments and motors of this plant, in place of those of the study."""
@@ -281,9 +274,9 @@ class StudySpec(Record):
     """Arms that are simulated, by name."""
     hardware: Hardware | None = None
     """Instruments and motors of every drive that is a controller."""
-    loads: Listed[Load] = ()
+    loads: Listed[environment.Load] = ()
     """Forces and moments that act on the links."""
-    contacts: Listed[Contact] = ()
+    contacts: Listed[environment.Contact] = ()
     """Contacts of points of the arm with surfaces."""
     vary: Mapped[Distribution] = Field(default={}, validate_default=True)
     """Numbers that differ from sample to sample, by their path: in the simulated arms, such as
@@ -351,18 +344,18 @@ def _unfit_plants(given: Given) -> Iterator[Fault]:
         return
     volts = given.has("drives") and any(map(in_volts, given.drives.values()))
     for name, plant in given.plants.items():
-        for fault in motor_change_faults(plant.changes) if volts else ():
+        for fault in environment.motor_change_faults(plant.changes) if volts else ():
             yield fault.inside("plants", name)
         try:
             simulated = plant_spec(given.arm, plant)
-            for fault in file_change_faults(simulated, plant.changes, ()):
+            for fault in environment.file_change_faults(simulated, plant.changes, ()):
                 yield fault.inside("plants", name)
         except InputError as error:
             for problem in error.problems:
                 path = ("plants", name, problem.name)
                 value = shown(getattr(plant, problem.name)) if problem.value else ""
                 yield Fault(path, problem.rule, value, problem.hint)
-        for fault in off_the_arm(given.arm, plant.loads):
+        for fault in environment.off_the_arm(given.arm, plant.loads):
             yield fault.inside("plants", name)
         if plant.hardware is not None:
             touches = not given.has("contacts") or bool(given.contacts)

@@ -71,7 +71,16 @@ class Bench:
     def model(self, controller: AddedTorque) -> FloatArray:
         """Return the lifted model (N p, N joints) of the chosen output."""
         # Loads and changes are not part of the model.
-        result = self._simulate(controller, None, None, self._start())
+        start: dict[str, Any] = {}
+        plant = self._plant
+        for name in ("initial", "initial_rate"):
+            value = self._options.get(name)
+            if value is not None and plant is not None and plant.dof != self.arm.dof:
+                # Coordinates of the bending differ, so the links of the model start straight.
+                given = check_array(name, value, (plant.dof,))
+                value = self.arm.rest(given[plant.joint_index])
+            start[name] = value
+        result = self._simulate(controller, None, None, start)
         tip, angle = _lifted_model(self.arm, controller, self.reference, result, self.window)
         chosen = tip if self.output == "tip" else angle
         size = self.window.intervals
@@ -98,19 +107,6 @@ class Bench:
         values = result[reading if reading in result else self.output].values
         ends = self.window.stride * np.arange(1, self.window.intervals + 1)
         return np.asarray(self._wanted - values[ends, : self._wanted.shape[1]])
-
-    def _start(self) -> dict[str, Any]:
-        """Return the initial state of the trials in coordinates of the model."""
-        found: dict[str, Any] = {}
-        plant = self._plant
-        for name in ("initial", "initial_rate"):
-            value = self._options.get(name)
-            if value is not None and plant is not None and plant.dof != self.arm.dof:
-                # Coordinates of the bending differ, so the links of the model start straight.
-                given = check_array(name, value, (plant.dof,))
-                value = self.arm.rest(given[plant.joint_index])
-            found[name] = value
-        return found
 
     def _simulate(
         self,

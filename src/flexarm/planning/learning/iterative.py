@@ -353,11 +353,9 @@ def proportional_derivative(
 
 
 def filtered(law: _Law, joints: int, cutoff: float, interval: float) -> _Law:
-    """Return a law whose torques pass through a Q-filter without phase shift; (C.106).
-
-    The filter multiplies the cosine transform by the squared magnitude of a Butterworth filter, so
-    it is symmetric, preserves constants, and enlarges nothing.
-    """
+    """Return a law whose torques pass through a Q-filter without phase shift; (C.106)."""
+    # The filter multiplies the cosine transform by the squared magnitude of a Butterworth filter,
+    # so it is symmetric, preserves constants, and enlarges nothing.
     count = len(law.Q) // joints
     return _Law(*(_smooth(matrix, count, cutoff, interval) for matrix in law))
 

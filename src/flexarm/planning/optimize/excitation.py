@@ -152,7 +152,22 @@ def optimal_excitation(
     rate = check_positive("rate", rate, "Hz")
     first.samples(rate, whole)  # checks the rate
     experiment = _Experiment(arm, parameters, limits, dict(noise), whole, rate, angles, first)
-    return _solved(experiment, iterations)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FlexarmWarning)
+        begin = experiment.largest(first)
+        initial = experiment.identifiability(experiment.run(begin))
+        values = np.linalg.eigvalsh(initial.information)
+        if not values[0] > _SINGULAR * values[-1]:
+            rule = "contain a combination of parameters that the record does not determine"
+            raise InputError(Problem("free", rule, hint=" ".join(initial.undetermined)))
+        found = experiment.largest(_search(experiment, begin, iterations))
+        best = experiment.identifiability(experiment.run(found))
+        if best.log_determinant < initial.log_determinant:
+            found, best = begin, initial
+    run = experiment.run(found)
+    return OptimalExcitation(
+        found, best, initial, run, experiment.duration, experiment.rate, experiment.evaluations
+    )
 
 
 def _chosen(full: Multisine, lines: int) -> Multisine:
@@ -269,26 +284,6 @@ class _Experiment:
         )
         record = MeasuredRecord(run, settings)
         return predicted(self.arm, {"experiment": record}, self.free, None, {})
-
-
-def _solved(experiment: _Experiment, iterations: int) -> OptimalExcitation:
-    """Search from the first multisine, at its largest amplitude."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FlexarmWarning)
-        begin = experiment.largest(experiment.first)
-        first = experiment.identifiability(experiment.run(begin))
-        values = np.linalg.eigvalsh(first.information)
-        if not values[0] > _SINGULAR * values[-1]:
-            rule = "contain a combination of parameters that the record does not determine"
-            raise InputError(Problem("free", rule, hint=" ".join(first.undetermined)))
-        found = experiment.largest(_search(experiment, begin, iterations))
-        best = experiment.identifiability(experiment.run(found))
-        if best.log_determinant < first.log_determinant:
-            found, best = begin, first
-    run = experiment.run(found)
-    return OptimalExcitation(
-        found, best, first, run, experiment.duration, experiment.rate, experiment.evaluations
-    )
 
 
 def _search(experiment: _Experiment, begin: Multisine, iterations: int) -> Multisine:

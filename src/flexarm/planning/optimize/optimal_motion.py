@@ -1,10 +1,10 @@
-"""`optimal_motion`: a motion of least time, energy or vibration within limits."""
+"""`optimal_motion`: a motion of least time, energy or vibration within limits, and its errors."""
 
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,33 +23,244 @@ from flexarm.base.errors import (
     public_call,
     warn_caller,
 )
+from flexarm.linear import equilibrium, modes
 from flexarm.model.arm.spec import serial_only
 from flexarm.model.quantities import Count
 from flexarm.motion import Motion
-from flexarm.motion.motion import check_motion
-from flexarm.planning.optimize.solution import (
-    OptimalMotion,
-    OptimizationError,
-    excess_of,
-    last_iterate,
-    remaining,
-    simulated,
-    tabulated,
+from flexarm.motion.dynamics.dynamics_along import MotionTorque
+from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
+from flexarm.motion.geometry.mechanism_path import quintic_table
+from flexarm.motion.motion import JointState, TabulatedMotion, check_motion
+from flexarm.planning.optimize import transcription
+from flexarm.planning.optimize.task import (
+    OBJECTIVES,
+    UNITS,
+    Bound,
+    MotionLimits,
+    Plan,
+    Quantities,
+    Task,
+    task_of,
 )
-from flexarm.planning.optimize.task import OBJECTIVES, MotionLimits, Plan, Task, task_of
-from flexarm.planning.optimize.transcription import (
-    Answer,
-    Transcription,
-    plan_of,
-    shaped_guess,
-    states_of,
-    straight_motion,
-)
+from flexarm.simulation.batch.reductions import Reduction, reduced
+from flexarm.simulation.calls.result import make_result
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.derivatives.gradient import goal_gradient
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
 
 if TYPE_CHECKING:
     import xarray as xr
+    from scipy.interpolate import PPoly
+
+
+@dataclass(frozen=True, eq=False)
+class Remaining:
+    """Errors of an optimal motion in the simulation of the full model, without feedback.
+
+    Attributes:
+        residual_vibration: largest distance of the tip from its mean after the end, m.
+        tip_error: distance of that mean from the tip at rest, m.
+        joint_error: largest distance of a joint from its last angle at the end, rad.
+        excess: for each limit the largest excess of a value during the motion, in the unit of the
+            limit; negative if all values are within it.
+    """
+
+    residual_vibration: float
+    tip_error: float
+    joint_error: float
+    excess: dict[str, float]
+
+    def __str__(self) -> str:
+        lines = [
+            f"residual vibration of the tip: {self.residual_vibration:.3g} m",
+            f"mean tip after the end: {self.tip_error:.3g} m from its goal",
+            f"joints at the end: within {self.joint_error:.3g} rad",
+        ]
+        for name, excess in self.excess.items():
+            side = "exceeds its limit" if excess > 0.0 else "within its limit"
+            lines.append(f"{name}: {side} by {abs(excess):.3g}{UNITS[name]}")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class OptimalTorque(MotionTorque):
+    """Torque of an optimal motion, callable with the time; before and after, it holds the arm."""
+
+    motion: OptimalMotion  # the motion
+    history: PiecewiseCubic = field(repr=False)  # the torque as piecewise cubics
+
+    def _at(self, times: FloatArray) -> FloatArray:
+        duration = self.motion.duration
+        return self.history.at(np.clip(times, -duration, 2.0 * duration))
+
+
+@dataclass(frozen=True, eq=False)
+class OptimalMotion(TabulatedMotion):
+    """An optimal motion: joint angles over time with their torque, from rest to rest.
+
+    It is a motion like those of `joint_motion`: a reference of controllers, and of `simulate`.
+
+    Attributes:
+        arm: the arm.
+        objective: "time", "energy" or "vibration".
+        duration: s.
+        initial, final: (dof,) coordinates at rest before and after the motion.
+        modes: number of the lowest vibrations that are at rest at the end.
+        iterations: iterations of IPOPT.
+        run: result of `simulate` for the full model under the torque, to some time after the end.
+        remaining: what remains of vibration and of errors there, and the limits.
+    """
+
+    #: Entries of ``flexarm.citation``.
+    references: ClassVar[str] = "Betts2010 WaechterBiegler2006 AnderssonEtAl2019"
+
+    arm: Arm = field(repr=False)
+    objective: str
+    duration: float
+    initial: FloatArray = field(repr=False)
+    final: FloatArray = field(repr=False)
+    modes: int
+    iterations: int
+    run: xr.Dataset = field(repr=False)
+    remaining: Remaining = field(repr=False)
+    _plan: Plan = field(repr=False)
+    _history: PiecewiseCubic = field(repr=False)
+    _table: PPoly = field(repr=False)
+    chain: RigidChain = field(repr=False)
+    start_time: float = 0.0
+
+    def __repr__(self) -> str:
+        return (
+            f"<flexarm.OptimalMotion: least {self.objective}, {self.duration:.4g} s, "
+            f"{self.joints} joints, {self.intervals} intervals, residual vibration "
+            f"{self.remaining.residual_vibration:.2g} m>"
+        )
+
+    @property
+    def intervals(self) -> int:
+        """Number of intervals of the collocation."""
+        return self._plan.intervals
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times of the nodes, s."""
+        return tuple(self._plan.times.tolist())
+
+    @property
+    def torque(self) -> OptimalTorque:
+        """Torque of the motion, for ``simulate``: (joints,) N m as a function of time."""
+        return OptimalTorque(self, self._history)
+
+
+class OptimizationError(FlexarmError, RuntimeError):
+    """No optimal motion was found.
+
+    Attributes:
+        reason: status of IPOPT, or the limit that the full model violates.
+        hint: a sentence with a remedy.
+        last: the last iterate, an ``xarray.Dataset`` over time; it is not a solution.
+    """
+
+    def __init__(self, reason: str, hint: str, last: xr.Dataset) -> None:
+        super().__init__(reason, hint, last)
+        self.reason = reason
+        self.hint = hint
+        self.last = last
+
+    def __str__(self) -> str:
+        return f"no optimal motion found: {self.reason}. {self.hint}"
+
+
+def last_iterate(task: Task, plan: Plan) -> xr.Dataset:
+    """Return coordinates, joint angles and torques at the nodes of a plan, as a dataset."""
+    torque = np.concatenate([plan.torque[:, 0], plan.torque[-1:, 1]])
+    joint = task.arm.joint_index
+    channels = {
+        "joint_angle": plan.q[:, joint],
+        "joint_rate": plan.rate[:, joint],
+        "torque": torque,
+        "q": plan.q,
+        "qd": plan.rate,
+    }
+    return make_result(task.arm, plan.times, channels, {"duration": plan.duration})
+
+
+def tabulated(task: Task, plan: Plan) -> tuple[PPoly, RigidChain]:
+    """Return the joint angles of a plan as polynomials of degree 5, and the rigid chain."""
+    # Accelerations at the nodes are those of the equations of motion.
+    arm, joint = task.arm, task.arm.joint_index
+    starts = plan.q[:-1], plan.rate[:-1], plan.torque[:, 0]
+    ends = plan.q[1:], plan.rate[1:], plan.torque[:, 1]
+    acceleration = np.array(
+        [
+            [arm.forward_dynamics(*state)[joint] for state in zip(*side, strict=True)]
+            for side in (starts, ends)
+        ]
+    )
+    angle, rate = plan.q[:, joint], plan.rate[:, joint]
+    first = JointState(angle[:-1], rate[:-1], acceleration[0])
+    last = JointState(angle[1:], rate[1:], acceleration[1])
+    rests = np.array([task.start.q[joint], task.end.q[joint]])
+    return quintic_table(plan.times, first, last, rests), rigid_chain(arm)
+
+
+#: Simulated time after the end: periods of the slowest vibration with locked joints, and limits of
+#: it as fractions of the duration.
+_PERIODS, _SHORTEST_END, _LONGEST_END = 3.0, 0.2, 2.0
+#: Samples per interval, and per period of the fastest vibration, at which the limits are checked.
+_SAMPLES = 10
+
+
+def simulated(task: Task, plant: Arm, plan: Plan) -> xr.Dataset:
+    """Simulate the full model under the torque of a plan, and for some time after its end."""
+    joint_angles = task.arm.joint_angles(task.start.q)
+    hertz = modes(plant, task.arm.joint_angles(task.end.q), joints="locked").frequency_hz
+    slowest = float(np.min(hertz[hertz > 0.0], initial=np.inf))
+    after = float(
+        np.clip(_PERIODS / slowest, _SHORTEST_END * plan.duration, _LONGEST_END * plan.duration)
+    )
+    periods = np.max(task.vibrations, initial=0.0) * plan.duration / (2.0 * np.pi)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LargeDeflectionWarning)  # once, for the last plan
+        return simulate(
+            plant,
+            plan.duration + after,
+            torque=plan.torque_history(task.start.torque, task.end.torque),
+            initial=equilibrium(plant, joint_angles).q,
+            rate=_SAMPLES * max(plan.intervals, int(np.ceil(periods))) / plan.duration,
+            progress=False,
+        )
+
+
+def excess_of(bound: Bound, run: xr.Dataset, duration: float) -> FloatArray:
+    """Return the largest excess (k,) of a bound during the motion; negative within it."""
+    moving = run.sel(time=slice(None, duration * (1.0 + 1e-9)))
+    strain = moving.strain.values.T if "strain" in moving else np.zeros((0, moving.time.size))
+    state = Quantities(
+        moving.joint_angle.values.T, moving.joint_rate.values.T, strain, moving.tip.values.T
+    )
+    return bound.excess(np.array(bound.value(state)))
+
+
+def remaining(task: Task, plant: Arm, plan: Plan, run: xr.Dataset) -> Remaining:
+    """Return what remains of vibration and of errors in a run."""
+    after = run.time.values >= plan.duration
+    vibration = Reduction("residual", "tip", after=plan.duration)
+    angles = task.arm.joint_angles(task.end.q)
+    goal = plant.tip(equilibrium(plant, angles).q)[:2]
+    at_end = run.joint_angle.values[after][0] - angles
+    excess = {b.name: float(np.max(excess_of(b, run, plan.duration))) for b in task.bounds}
+    if np.any(np.isfinite(task.torque)):
+        excess["torque"] = float(np.max(np.abs(plan.torque).max(axis=(0, 1)) - task.torque))
+    if task.continuous:
+        rate = np.abs(np.diff(plan.torque, axis=1)).max(axis=(0, 1)) / np.diff(plan.times)[0]
+        excess["torque_rate"] = float(np.max(rate - task.torque_rate))
+    return Remaining(
+        float(reduced(vibration, run.time.values, {"tip": run.tip.values})),
+        float(np.hypot(*(run.tip.values[after].mean(axis=0) - goal))),
+        float(np.abs(at_end).max()),
+        excess,
+    )
 
 
 #: Phase (rad) of the fastest resting mode in one interval; the error of its phase is then 2e-4 rad
@@ -144,10 +355,10 @@ def optimal_motion(
     own = None if guess is None else check_motion(guess, arm)
     with one_warning() as bent:
         task = task_of(arm, begin, goal, objective, limits, given, count)
-        straight = straight_motion(task) if own is None else own
+        straight = transcription.straight_motion(task) if own is None else own
         pieces = pieces or _default_intervals(task, straight.duration)
-        first = shaped_guess(task, straight) if own is None else own
-        plan = plan_of(task, first, min(pieces, _COARSE))
+        first = transcription.shaped_guess(task, straight) if own is None else own
+        plan = transcription.plan_of(task, first, min(pieces, _COARSE))
         optimum = _within_limits(task, plan, plant, pieces, iterations)
     warn_of_first(bent)
     return optimum
@@ -171,14 +382,12 @@ def _default_intervals(task: Task, duration: float) -> int:
 def _within_limits(
     task: Task, plan: Plan, plant: Arm, intervals: int, iterations: int
 ) -> OptimalMotion:
-    """Solve with few intervals, then with all, until the full model is within its limits.
-
-    The few intervals make the search fast, and find better optima than many.
-    """
+    """Solve with few intervals, then with all, until the full model is within its limits."""
+    # The few intervals make the search fast, and find better optima than many.
     total = 0
     margins = [np.zeros(bound.lower.shape) for bound in task.bounds]
     slack = [task.slack(bound) for bound in task.bounds]
-    problem = Transcription(task, plan, iterations, near=False)
+    problem = transcription.Transcription(task, plan, iterations, near=False)
     for _ in range(_ROUNDS):
         answer = problem.solve(plan, margins)
         total += answer.iterations
@@ -200,7 +409,7 @@ def _within_limits(
             # The start and the end, which may be on a bound, must remain within narrower ones.
             margins = [np.minimum(w, s) for w, s in zip(wider, slack, strict=True)]
         plan = plan.refined(intervals, task.continuous)
-        problem = Transcription(task, plan, iterations, near=True)
+        problem = transcription.Transcription(task, plan, iterations, near=True)
     for bound, most in zip(task.bounds, over, strict=True):
         if most > _ACCEPTED:
             reason = f"the full model exceeds the limit {bound.name!r} by {100.0 * most:.2g} %"
@@ -239,7 +448,7 @@ def _misses(task: Task, plan: Plan, run: xr.Dataset) -> bool:
     return error > _MISSED * task.arm.reach
 
 
-def _not_converged(task: Task, answer: Answer) -> OptimizationError:
+def _not_converged(task: Task, answer: transcription.Answer) -> OptimizationError:
     """Return the error for an iterate that is not a solution."""
     reason = (
         f"IPOPT stopped with {answer.status} after {answer.iterations} iterations; the largest "
@@ -262,17 +471,14 @@ _CLOSE, _ENOUGH = 1e-4, 1e-8
 #: Most steps of Newton's method, and the shortest part of one.
 _STEPS, _SHORTEST = 12, 0.05
 #: Samples of the simulation per interval.
-_SAMPLES = 10
 
 
 def _corrected(task: Task, plan: Plan) -> Plan:
-    """Return a plan that ends at rest in the simulation; the same one if there is none.
-
-    Modes that vibrate faster than the intervals resolve have other phases in the simulation than in
-    the collocation, and joints without inertia of their own follow these modes. Newton's method on
-    the simulation finds the least change of the torques after which the arm is at rest: its
-    Jacobian is that of the steps of the integrator, `goal_gradient`.
-    """
+    """Return a plan that ends at rest in the simulation; the same one if there is none."""
+    # Modes that vibrate faster than the intervals resolve have other phases in the simulation than
+    # in the collocation, and joints without inertia of their own follow these modes. Newton's
+    # method on the simulation finds the least change of the torques after which the arm is at rest:
+    # its Jacobian is that of the steps of the integrator, `goal_gradient`.
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LargeDeflectionWarning)  # only the last run matters
@@ -315,7 +521,9 @@ class _Correction:
                 break
         if np.abs(error).max() > _CLOSE:
             return self._given
-        q, slope, curve = states_of(run, 0.0, self._given.duration, self._given.intervals)
+        q, slope, curve = transcription.states_of(
+            run, 0.0, self._given.duration, self._given.intervals
+        )
         return replace(self._given, q=q, slope=slope, curve=curve, torque=self._pieces(torque))
 
     def _pieces(self, torque: FloatArray) -> FloatArray:
@@ -343,24 +551,20 @@ class _Correction:
         last = np.concatenate([run.q.values[-1], run.qd.values[-1]])
         return run, self._rows @ (last - self._goal)
 
-    def _jacobian(self, torque: FloatArray) -> FloatArray:
-        """Return the derivatives (2 m, size of the torques) of the error."""
+    def _change(self, torque: FloatArray, error: FloatArray) -> FloatArray | None:
+        """Return the least change of the torques within limits that removes a linear error."""
+        import casadi
+
         plan, dof = self._given, self._task.arm.dof
-        found = []
+        gradients = []
         for row in self._rows:
             weights = {name: np.zeros((plan.intervals + 1, dof)) for name in ("q", "qd")}
             weights["q"][-1], weights["qd"][-1] = row[:dof], row[dof:]
             rate = plan.intervals / plan.duration
             arguments = {"torque": torque, "rate": rate, "error_estimate": False, **self._options}
             gradient = goal_gradient(self._task.arm, plan.duration, weights, **arguments)
-            found.append(gradient.torque.values.ravel())
-        return np.array(found)
-
-    def _change(self, torque: FloatArray, error: FloatArray) -> FloatArray | None:
-        """Return the least change of the torques within limits that removes a linear error."""
-        import casadi
-
-        task, J = self._task, self._jacobian(torque)
+            gradients.append(gradient.torque.values.ravel())
+        task, J = self._task, np.array(gradients)
         lower, upper = -task.torque - torque, task.torque - torque
         if task.continuous:  # the torque of rest at both ends
             lower[[0, -1]] = upper[[0, -1]] = 0.0

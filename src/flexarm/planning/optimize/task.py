@@ -104,33 +104,23 @@ def task_of(
     if objective == "vibration" and arm.dof == arm.joints:
         problems.append(Problem("arm", "is rigid, so nothing vibrates"))
     for name, rest in zip(("start", "end"), ends, strict=True):
-        problems += _excluded(arm, name, rest, torque, bounds)
+        if np.any(np.abs(rest.torque) > torque):
+            rule = f"be at least the torque that holds the arm at the {name}, "
+            rule += f"{_listed(rest.torque)} N m"
+            problems.append(Problem("limits.torque", rule, _listed(torque)))
+        for bound in bounds:
+            value = _at_rest(arm, rest, bound)
+            if bound.name == "clearance":
+                problems += _inside(name, value[:, 0])
+            elif np.any(bound.excess(value) > 0.0):
+                where = f"{bound.name} is {_listed(value[:, 0])}{UNITS[bound.name]}"
+                given = f"{_listed(bound.lower)} to {_listed(bound.upper)}"
+                rule = f"permit the {name}, where {where}"
+                problems.append(Problem(f"limits.{bound.name}", rule, given))
     problems += _too_short(end - start, duration, bounds)
     if problems:
         raise InputError(*problems)
     return Task(arm, *ends, objective, duration, torque, torque_rate, bounds, count)
-
-
-def _excluded(
-    arm: Arm, name: str, rest: Equilibrium, torque: FloatArray, bounds: tuple[Bound, ...]
-) -> list[Problem]:
-    """Return the limits that an arm at rest violates."""
-    problems = []
-    if np.any(np.abs(rest.torque) > torque):
-        rule = (
-            f"be at least the torque that holds the arm at the {name}, {_listed(rest.torque)} N m"
-        )
-        problems.append(Problem("limits.torque", rule, _listed(torque)))
-    for bound in bounds:
-        value = _at_rest(arm, rest, bound)
-        if bound.name == "clearance":
-            problems += _inside(name, value[:, 0])
-        elif np.any(bound.excess(value) > 0.0):
-            where = f"{bound.name} is {_listed(value[:, 0])}{UNITS[bound.name]}"
-            given = f"{_listed(bound.lower)} to {_listed(bound.upper)}"
-            rule = f"permit the {name}, where {where}"
-            problems.append(Problem(f"limits.{bound.name}", rule, given))
-    return problems
 
 
 def _inside(name: str, distances: FloatArray) -> list[Problem]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import LargeDeflectionWarning
-from flexarm.bridges.symbolic.casadi_model import casadi_model
+from flexarm.bridges.symbolic.models import casadi_model
 from flexarm.control.design.input_shaping import shaped
 from flexarm.motion import Motion, joint_motion, rigid_torque
 from flexarm.planning.optimize.task import GAUSS, STAGES, Plan, Quantities, Task

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,9 +38,6 @@ from flexarm.model import Scenario
 from flexarm.model.arm.spec import serial_only
 from flexarm.model.checks import checked_arguments
 from flexarm.motion import inverse_kinematics
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 TASKS = ("hold", "point_to_point", "track", "force")
 SENSORS = ("joints", "gauges", "tip", "force")
@@ -393,11 +390,9 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
 
 
 def _designs(needs: Requirements) -> Drive:
-    """Return the posture of a design, and its schedule over the joints that matter most.
-
-    Without gravity the dynamics do not depend on the angle of the first joint, but the direction of
-    the tip does. The grid has at most two dimensions.
-    """
+    """Return the posture of a design, and its schedule over the joints that matter most."""
+    # Without gravity the dynamics do not depend on the angle of the first joint, but the direction
+    # of the tip does. The grid has at most two dimensions.
     first, last = postures_of(needs)[[0, -1]]
     middle = rounded((first + last) / 2.0)
     turned = np.abs(last - first)
@@ -485,7 +480,12 @@ class Loops:
             places = [reference.start_time, reference.end_time]
         found = loop_margins(controller, self._plants, places, **around)
         margins = {name: float(worst(found[name].values)) for name, worst in _MARGINS.items()}
-        margins["damping_ratio"] = _slowest_vibration(found)
+        ratio = found["damping_ratio"].values
+        decay = ratio * found["pole_frequency"].values
+        vibrates = ratio < 1.0 - 1e-9
+        margins["damping_ratio"] = (
+            float(ratio[vibrates][np.argmin(decay[vibrates])]) if vibrates.any() else 1.0
+        )
         start = reference.start_time if contacts else 0.0
         at = (
             next(iter(self._plants.values())),
@@ -518,11 +518,3 @@ def scenario_of(content: Mapping[str, Any], drive: Drive) -> Scenario:
     (motion,) = content["motions"].values()
     run = {name: value for name, value in content["run"].items() if name != "settling"}
     return checked_arguments(Scenario, **shared, motion=motion, drive=drive, run=run)
-
-
-def _slowest_vibration(found: xr.Dataset) -> float:
-    """Return the damping ratio of the vibration that decays slowest; 1 if nothing vibrates."""
-    ratio = found["damping_ratio"].values
-    decay = ratio * found["pole_frequency"].values
-    vibrates = ratio < 1.0 - 1e-9
-    return float(ratio[vibrates][np.argmin(decay[vibrates])]) if vibrates.any() else 1.0

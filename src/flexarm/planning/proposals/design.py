@@ -203,20 +203,6 @@ def design(
     )
     content = case_of(needs)
     candidates = candidates_of(needs)
-    found = _assessed(needs, content, candidates)
-    table = _table(needs, content, found, progress)
-    chosen = _chosen(needs, found, table)
-    reasons = reasons_of(needs, candidates, found, table, chosen)
-    if not found[chosen].stable:
-        warn_caller(reasons[0], UnstableLoopWarning)
-    scenarios = {name: scenario_of(content, one.drive) for name, one in found.items()}
-    return ControllerDesign(needs.task, chosen, reasons, table, scenarios[chosen], scenarios)
-
-
-def _assessed(
-    needs: Requirements, content: dict[str, Any], candidates: Sequence[Candidate]
-) -> dict[str, Assessed]:
-    """Return the best setting of each candidate that can be designed, by name."""
     plants = {
         name: Arm(plant_spec(needs.arm.spec, PlantSpec(**factors)))
         for name, factors in content["plants"].items()
@@ -228,7 +214,13 @@ def _assessed(
         rule = "has no controller among the candidates that can be designed for this arm"
         hint = f"Give the links damping, or use other sensors. The last error is: {loops.error}"
         raise InputError(Problem("task", rule, hint=hint))
-    return found
+    table = _table(needs, content, found, progress)
+    chosen = _chosen(needs, found, table)
+    reasons = reasons_of(needs, candidates, found, table, chosen)
+    if not found[chosen].stable:
+        warn_caller(reasons[0], UnstableLoopWarning)
+    scenarios = {name: scenario_of(content, one.drive) for name, one in found.items()}
+    return ControllerDesign(needs.task, chosen, reasons, table, scenarios[chosen], scenarios)
 
 
 def _table(
@@ -291,27 +283,47 @@ _RATE = 150.0
 
 def case_of(needs: Requirements) -> dict[str, Any]:
     """Return the content of a study without drives: the keys of a file, for all candidates."""
-    found: dict[str, Any] = {"arm": needs.arm.spec, "motions": {needs.task: _motion(needs)}}
+    content: dict[str, Any] = {"arm": needs.arm.spec, "motions": {needs.task: _motion(needs)}}
     if needs.task == "hold" and needs.lowest:
-        found["loads"] = [_disturbance(needs)]
+        # The disturbance is a push across the last link at the tip, for one period.
+        arm, links = needs.arm, len(needs.arm.spec.links)
+        still = equilibrium(arm, needs.start)
+        angle = float(arm.tip(arm.rest(needs.start))[2])
+        across = np.array([-np.sin(angle), np.cos(angle)])  # of the last link
+        pushed = equilibrium(arm, needs.start, loads=[Load(links, tuple(across.tolist()))])
+        compliance = np.hypot(*(arm.tip(pushed.q)[:2] - arm.tip(still.q)[:2]))
+        force = rounded(across * _DISTURBED * arm.reach / compliance)
+        before, period = _BEFORE * needs.period, needs.period
+        times = rounded([before, before, before + period, before + period])
+        factor = {"times": times, "values": [0.0, 1.0, 1.0, 0.0]}
+        content["loads"] = [{"link": links, "force": force, "factor": factor}]
     if needs.task == "force":
-        found["contacts"] = [_surface(needs)]
+        content["contacts"] = [_surface(needs)]
     hardware: dict[str, Any] = {}
     if {"tip", "force"} & needs.sensors:
-        hardware["instruments"] = _instruments(needs)
+        instruments: list[dict[str, Any]] = [{"signal": "joint_angle"}, {"signal": "joint_rate"}]
+        if "gauges" in needs.sensors:
+            instruments.append({"signal": "strain"})
+        if "tip" in needs.sensors:
+            noise = rounded([_TIP_NOISE * needs.arm.reach], 2)[0]
+            instruments.append({"signal": "tip", "noise": noise})
+        if "force" in needs.sensors:
+            noise = rounded([_FORCE_NOISE * needs.force], 2)[0]
+            instruments.append({"signal": "contact_force", "noise": noise})
+        hardware["instruments"] = instruments
     if needs.torque_limit is not None:
         hardware["motors"] = {"torque_limit": rounded(needs.torque_limit)}
     if hardware:
-        found["hardware"] = hardware
-    found["plants"] = plants_of(needs)
-    motion = found["motions"][needs.task]
+        content["hardware"] = hardware
+    content["plants"] = plants_of(needs)
+    motion = content["motions"][needs.task]
     moved = motion.get("path", motion)
     end = moved["start_time"] + moved["duration"]
     after = 0.0 if needs.task in ("hold", "force") else float(f"{_AFTER * needs.period:.2g}")
     settling = float(f"{after / _AFTER:.2g}")
     (duration,), (rate,) = rounded([end + after], 6), rounded([_RATE / needs.period], 1)
-    found["run"] = {"duration": duration, "rate": rate, "settling": settling}
-    return found
+    content["run"] = {"duration": duration, "rate": rate, "settling": settling}
+    return content
 
 
 def _motion(needs: Requirements) -> dict[str, Any]:
@@ -345,34 +357,6 @@ def _surface(needs: Requirements) -> dict[str, Any]:
         "stiffness": rounded([stiffness], 2)[0],
         "damping": rounded([damping], 2)[0],
     }
-
-
-def _disturbance(needs: Requirements) -> dict[str, Any]:
-    """Return a push across the last link at the tip, for one period after the start."""
-    arm, links = needs.arm, len(needs.arm.spec.links)
-    still = equilibrium(arm, needs.start)
-    angle = float(arm.tip(arm.rest(needs.start))[2])
-    across = np.array([-np.sin(angle), np.cos(angle)])  # of the last link
-    pushed = equilibrium(arm, needs.start, loads=[Load(links, tuple(across.tolist()))])
-    compliance = np.hypot(*(arm.tip(pushed.q)[:2] - arm.tip(still.q)[:2]))
-    force = rounded(across * _DISTURBED * arm.reach / compliance)
-    before, period = _BEFORE * needs.period, needs.period
-    times = rounded([before, before, before + period, before + period])
-    factor = {"times": times, "values": [0.0, 1.0, 1.0, 0.0]}
-    return {"link": links, "force": force, "factor": factor}
-
-
-def _instruments(needs: Requirements) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = [{"signal": "joint_angle"}, {"signal": "joint_rate"}]
-    if "gauges" in needs.sensors:
-        found.append({"signal": "strain"})
-    if "tip" in needs.sensors:
-        noise = rounded([_TIP_NOISE * needs.arm.reach], 2)[0]
-        found.append({"signal": "tip", "noise": noise})
-    if "force" in needs.sensors:
-        noise = rounded([_FORCE_NOISE * needs.force], 2)[0]
-        found.append({"signal": "contact_force", "noise": noise})
-    return found
 
 
 def plants_of(needs: Requirements) -> dict[str, dict[str, Any]]:
@@ -423,7 +407,18 @@ def reasons_of(
         if one.name not in found
     ]
     if found[chosen].stable:
-        sentences.append(_margin(needs, found[chosen]))
+        margins = found[chosen].margins
+        text = (
+            f"On {_arms(needs)}, at the start and at the end of the motion, the loop of each joint "
+            f"permits a gain factor of {margins['gain_margin']:.2g}, "
+            f"{np.degrees(margins['phase_margin']):.0f} degrees of phase and "
+            f"{1e3 * margins['delay_margin']:.2g} ms of delay (disk margin "
+            f"{margins['disk_margin']:.2g}). The slowest vibration has a damping ratio of "
+            f"{margins['damping_ratio']:.2g}."
+        )
+        if margins["disk_margin"] < needs.disk_margin:
+            text += f" No candidate has the required disk margin of {needs.disk_margin:g}."
+        sentences.append(text)
     else:
         hint = "Reduce the uncertainty, or add sensors."
         sentences.insert(0, f"No candidate is stable on {_arms(needs)}. {hint}")
@@ -450,22 +445,6 @@ def _other(needs: Requirements, name: str, one: Assessed, worst: float) -> str:
     if one.margins["disk_margin"] < needs.disk_margin:
         text += f", with a disk margin of only {one.margins['disk_margin']:.2g}"
     return text + "."
-
-
-def _margin(needs: Requirements, one: Assessed) -> str:
-    """Return the margins of a stable proposal, in words."""
-    margins = one.margins
-    text = (
-        f"On {_arms(needs)}, at the start and at the end of the motion, the loop of each joint "
-        f"permits a gain factor of {margins['gain_margin']:.2g}, "
-        f"{np.degrees(margins['phase_margin']):.0f} degrees of phase and "
-        f"{1e3 * margins['delay_margin']:.2g} ms of delay (disk margin "
-        f"{margins['disk_margin']:.2g}). The slowest vibration has a damping ratio of "
-        f"{margins['damping_ratio']:.2g}."
-    )
-    if margins["disk_margin"] < needs.disk_margin:
-        text += f" No candidate has the required disk margin of {needs.disk_margin:g}."
-    return text
 
 
 def _arms(needs: Requirements) -> str:

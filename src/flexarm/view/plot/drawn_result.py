@@ -284,11 +284,9 @@ def joined(arm: Arm, shapes: FloatArray) -> FloatArray:
 
 
 def joints_of(arm: Arm, shapes: FloatArray) -> FloatArray:
-    """Return the points (k, links, 2) m at which joints are drawn, of shapes (k, links, ...).
-
-    A joint of a serial arm is at the tip before it; the root of its link may be at a hub radius
-    from there.
-    """
+    """Return the points (k, links, 2) m at which joints are drawn, of shapes (k, links, ...)."""
+    # A joint of a serial arm is at the tip before it; the root of its link may be at a hub radius
+    # from there.
     if not arm.spec.is_serial:
         return shapes[:, :, 0]
     return np.concatenate([np.zeros((len(shapes), 1, 2)), shapes[:, :-1, -1]], axis=1)

@@ -147,7 +147,17 @@ def tracks_figure(tracks: ModeTracks) -> style.Sheet:
 def _draw_frequencies(axes: Axes, tracks: ModeTracks) -> None:
     _draw_lines(axes, tracks, tracks.frequency_hz, "frequency [Hz]")
     if tracks.parameter_name == "spin":
-        _draw_orders(axes, tracks)
+        # Draw the lines of one, two, ... cycles per revolution that are within the plot.
+        top = axes.get_ylim()[1]
+        turns = tracks.parameter / (2.0 * np.pi)
+        for order in (1, 2, 3, 4):
+            if order * turns[-1] > 0.05 * top:
+                axes.plot(tracks.parameter, order * turns, **{**style.RIGID, "label": "_"})
+                at = min(turns[-1], 0.97 * top / order)
+                white = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
+                place = (2.0 * np.pi * at, order * at)
+                axes.annotate(f"{order}×", place, ha="right", va="center", bbox=white)
+        axes.set_ylim(top=top)
 
 
 def _draw_lines(axes: Axes, tracks: ModeTracks, values: np.ndarray, label: str) -> None:
@@ -158,20 +168,6 @@ def _draw_lines(axes: Axes, tracks: ModeTracks, values: np.ndarray, label: str) 
     unit = f" [{tracks.parameter_unit}]" if tracks.parameter_unit else ""
     axes.set(xlabel=f"{tracks.parameter_name}{unit}", ylabel=label)
     axes.set_ylim(bottom=min(0.0, float(np.nanmin(values, initial=0.0))))
-
-
-def _draw_orders(axes: Axes, tracks: ModeTracks) -> None:
-    """Draw the lines of one, two, ... cycles per revolution that are within the plot."""
-    top = axes.get_ylim()[1]
-    turns = tracks.parameter / (2.0 * np.pi)
-    for order in (1, 2, 3, 4):
-        if order * turns[-1] > 0.05 * top:
-            axes.plot(tracks.parameter, order * turns, **{**style.RIGID, "label": "_"})
-            at = min(turns[-1], 0.97 * top / order)
-            white = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
-            place = (2.0 * np.pi * at, order * at)
-            axes.annotate(f"{order}×", place, ha="right", va="center", bbox=white)
-    axes.set_ylim(top=top)
 
 
 _GAIN, _PHASE = 1.7, 1.0  # inches

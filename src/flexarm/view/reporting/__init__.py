@@ -28,6 +28,7 @@ from flexarm.model import Contact
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.metrics import METRICS, metrics_of, tip_reference
 from flexarm.simulation.calls.result import package_version
+from flexarm.view.plot import drawn_result
 from flexarm.view.plot.animation.scene import (
     SceneOptions,
     fragment,
@@ -36,19 +37,6 @@ from flexarm.view.plot.animation.scene import (
     style,
     surroundings,
     thin,
-)
-from flexarm.view.plot.drawn_result import (
-    USUAL,
-    Signals,
-    arm_of,
-    check_drawable,
-    check_magnify,
-    chosen_lines,
-    readable_unit,
-    rigid_result,
-    scenario_of,
-    several,
-    signals_of,
 )
 
 #: Longest file that is shown in full, and longest link to save one, characters. Tables of torques
@@ -81,14 +69,14 @@ def render(
     result: xr.Dataset,
     arm: Arm,
     reference: Any,
-    histories: Sequence[Signals],
+    histories: Sequence[drawn_result.Signals],
     title: str,
     notes: str,
     player: str,
     magnify: float,
 ) -> str:
     """Return the page of a report; errors are from ``reference``, unless it is None."""
-    scenario = scenario_of(result)
+    scenario = drawn_result.scenario_of(result)
     tables = [_energies_table(result)] if "kinetic_energy" in result else []
     if reference is not None:
         tables.insert(0, errors_table(result, arm, reference))
@@ -116,7 +104,7 @@ def render(
 
 def _model_files(result: xr.Dataset, arm: Arm) -> list[tuple[str, str]]:
     """Return names and texts of the files in a result: the scenario, and the arm if it differs."""
-    scenario, text = scenario_of(result), result.attrs.get("scenario")
+    scenario, text = drawn_result.scenario_of(result), result.attrs.get("scenario")
     texts = [("scenario.yaml", str(text))] if text else []
     if scenario is None or scenario.arm != arm.spec:
         texts.append(("arm.yaml", str(result.attrs["arm"])))
@@ -160,7 +148,7 @@ def number(value: float) -> str:
     return f"{value + 0.0:.5g}" if np.isfinite(value) else "–"
 
 
-def extremes_table(histories: Iterable[Signals]) -> Table:
+def extremes_table(histories: Iterable[drawn_result.Signals]) -> Table:
     """Return the extreme and final values of histories, and the time of the largest magnitude."""
     rows = []
     for signals in histories:
@@ -295,12 +283,16 @@ _MOST_LINES = 12
 _MOST_NUMBERS = 200_000
 
 
-def panels(result: xr.Dataset, arm: Arm, reference: Any, channels: object) -> list[Signals]:
+def panels(
+    result: xr.Dataset, arm: Arm, reference: Any, channels: object
+) -> list[drawn_result.Signals]:
     """Return the histories of a report."""
     if channels is not None:
-        return [few_lines(each) for each in several("channels", channels, result)]
-    names = [name for name in (*USUAL, *_FURTHER) if name in result and result[name].size]
-    histories = [signals_of("result", result, name) for name in names]
+        return [few_lines(each) for each in drawn_result.several("channels", channels, result)]
+    names = [
+        name for name in (*drawn_result.USUAL, *_FURTHER) if name in result and result[name].size
+    ]
+    histories = [drawn_result.signals_of("result", result, name) for name in names]
     # Twists are zero without elastic joints.
     histories = [each for each in histories if each.name != "joint_twist" or np.any(each.values)]
     if "kinetic_energy" in result:
@@ -313,28 +305,28 @@ def panels(result: xr.Dataset, arm: Arm, reference: Any, channels: object) -> li
     return [few_lines(each) for each in histories]
 
 
-def error_panel(result: xr.Dataset, arm: Arm, reference: Any) -> Signals:
+def error_panel(result: xr.Dataset, arm: Arm, reference: Any) -> drawn_result.Signals:
     """Return the distance of the tip from its reference over time."""
     return _readable("tip_error", "m", result, _tip_error(arm, reference, result)[:, None], "")
 
 
 def _readable(
     name: str, unit: str, result: xr.Dataset, values: _FloatArray, *labels: str
-) -> Signals:
-    scale, unit = readable_unit(unit, values)
-    return Signals(name, result["time"].values, scale * values, unit, labels, labels)
+) -> drawn_result.Signals:
+    scale, unit = drawn_result.readable_unit(unit, values)
+    return drawn_result.Signals(name, result["time"].values, scale * values, unit, labels, labels)
 
 
-def few_lines(signals: Signals) -> Signals:
+def few_lines(signals: drawn_result.Signals) -> drawn_result.Signals:
     """Return at most twelve lines, evenly chosen with the first and the last."""
     count = len(signals.labels)
     if count <= _MOST_LINES:
         return signals
     kept = np.linspace(0, count - 1, _MOST_LINES).round().astype(int)
-    return chosen_lines(signals, kept.tolist())
+    return drawn_result.chosen_lines(signals, kept.tolist())
 
 
-def fitted(histories: Sequence[Signals]) -> list[Signals]:
+def fitted(histories: Sequence[drawn_result.Signals]) -> list[drawn_result.Signals]:
     """Return histories with few enough points for the page; peaks are kept."""
     share = _MOST_NUMBERS // max(1, len(histories))
     return [
@@ -404,13 +396,28 @@ def report(
     """
     if isinstance(result, Identification) or is_identification(result):
         others = (channels, magnify != 1.0 or None, rigid or None, reference, contacts)
-        return _of_identification(result, path, title, notes, others)
-    result = check_drawable("result", result)
-    arm = arm_of("result", result)
+        from flexarm.view.reporting.identification import identification_page
+
+        identified = (
+            result if isinstance(result, Identification) else Identification.from_dataset(result)
+        )
+        if any(option is not None for option in others):
+            rule = "of the report of an identification may be path, title and notes"
+            raise InputError(Problem("arguments", rule))
+        title = "Identification" if title is None else check_kind("title", title, str, "text")
+        notes = check_kind("notes", notes, str, "text")
+        engine = template_engine()
+        place = None if path is None else check_place("path", path, (".html",))
+        text = identification_page(engine, identified, title, notes)
+        if place is not None:
+            write_text(text, place)
+        return text
+    result = drawn_result.check_drawable("result", result)
+    arm = drawn_result.arm_of("result", result)
     title = "Flexible arm" if title is None else check_kind("title", title, str, "text")
     notes = check_kind("notes", notes, str, "text")
-    magnify = check_magnify(magnify)
-    ghost = rigid_result(rigid, arm, result)
+    magnify = drawn_result.check_magnify(magnify)
+    ghost = drawn_result.rigid_result(rigid, arm, result)
     desired, touched = surroundings(arm, result, reference, contacts)
     histories = panels(result, arm, desired, channels)
     engine = template_engine()
@@ -420,32 +427,6 @@ def report(
     scene = scene_of("", arm, result, times, options, fitted(histories))
     player = fragment([scene], fps, speed, _BESIDE)
     text = render(engine, result, arm, desired, histories, title, notes, player, magnify)
-    if place is not None:
-        write_text(text, place)
-    return text
-
-
-def _of_identification(
-    result: xr.Dataset | Identification,
-    path: AnyPath | None,
-    title: str | None,
-    notes: str,
-    options: Sequence[object],
-) -> str:
-    """Write the report of an identification; ``options`` are those of runs, which must be None."""
-    from flexarm.view.reporting.identification import identification_page
-
-    identified = (
-        result if isinstance(result, Identification) else Identification.from_dataset(result)
-    )
-    if any(option is not None for option in options):
-        rule = "of the report of an identification may be path, title and notes"
-        raise InputError(Problem("arguments", rule))
-    title = "Identification" if title is None else check_kind("title", title, str, "text")
-    notes = check_kind("notes", notes, str, "text")
-    engine = template_engine()
-    place = None if path is None else check_place("path", path, (".html",))
-    text = identification_page(engine, identified, title, notes)
     if place is not None:
         write_text(text, place)
     return text
@@ -464,14 +445,11 @@ def clock(
         return np.zeros(1), _MOST_FPS, 1.0
     speed = 1.0
     if not _SHORTEST / 2.0 <= duration <= _LONGEST:
-        speed = _round(duration / (_SHORTEST if duration < _SHORTEST else _LONGEST))
+        # The speed is the nearest of 1, 2 and 5 times a power of ten.
+        value = duration / (_SHORTEST if duration < _SHORTEST else _LONGEST)
+        power = 10.0 ** np.floor(np.log10(value))
+        steps = np.array([1.0, 2.0, 5.0, 10.0]) * power
+        speed = float(f"{steps[np.argmin(np.abs(np.log(steps / value)))]:.0e}")
     each = 2 * stations_of(links) + _OF_JOINT + (_OF_ARROW if links <= _MOST_ARROWS else 0)
     frames = max(2, min(most // (each * links), round(duration / speed * _MOST_FPS) + 1))
     return np.linspace(0.0, duration, frames), (frames - 1) * speed / duration, speed
-
-
-def _round(value: float) -> float:
-    """Return the nearest of 1, 2 and 5 times a power of ten."""
-    power = 10.0 ** np.floor(np.log10(value))
-    steps = np.array([1.0, 2.0, 5.0, 10.0]) * power
-    return float(f"{steps[np.argmin(np.abs(np.log(steps / value)))]:.0e}")

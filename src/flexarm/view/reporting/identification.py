@@ -20,14 +20,8 @@ from flexarm.identification.result import (
 )
 from flexarm.model.file_format.files import file_text
 from flexarm.simulation.calls.result import package_version
+from flexarm.view.plot import fits
 from flexarm.view.plot.animation.scene import style
-from flexarm.view.plot.fits import (
-    Correlation,
-    FittedChannel,
-    correlations_picture,
-    fit_picture,
-    matrix_picture,
-)
 from flexarm.view.reporting import Table, clean, file_item, number, text_of
 
 #: Factor on a standard deviation: 99 % of normal numbers.
@@ -43,6 +37,19 @@ def identification_page(engine: Any, result: Identification, title: str, notes: 
     names = result.parameters["parameter"].values.tolist()
     drawn = 1 < len(names) <= _MOST_DRAWN
     matrix = result.parameters["correlation"].values
+    tables = [("Fitted records", result.fit)]
+    if result.validation.sizes["record"]:
+        tables.append(("Validation: records that were not fitted", result.validation))
+    what = "simulated channels"
+    if result.method == "prediction_error":
+        what = "predictions from the samples before"
+    rows = [("Method", result.method.replace("_", " "), "")]
+    rows.append(("Smallest fit", number(float(np.nanmin(result.fit["fit"].values))), "%"))
+    if result.validation.sizes["record"]:
+        smallest = float(np.nanmin(result.validation["fit"].values))
+        rows.append(("Smallest fit, validation", number(smallest), "%"))
+    rows.append(("Parameters", str(result.parameters.sizes["parameter"]), ""))
+    rows.append(("Statements on what is not determined", str(len(result.undetermined)), ""))
     page: str = engine.get_template("identification.html").render(
         title=clean(title),
         notes=clean(notes.strip()),
@@ -50,11 +57,16 @@ def identification_page(engine: Any, result: Identification, title: str, notes: 
         version=clean(result.flexarm_version),
         writer=package_version(),
         warnings=[clean(text) for text in _warnings(result)],
-        figures=_figures(result),
+        figures=rows,
         estimates=_estimates(result),
-        matrix=matrix_picture([clean(name) for name in names], matrix) if drawn else "",
-        fits=_fits(result),
-        explained=_explained(result),
+        matrix=fits.matrix_picture([clean(name) for name in names], matrix) if drawn else "",
+        fits=[Table(title, FIT_HEADS, tuple(fit_rows(table))) for title, table in tables],
+        explained=(
+            f"Fit and tests are those of the {what}. 100 % is perfect, 0 % as good as the mean. "
+            "Whiteness: residuals are not correlated over time. Independence: residuals are not "
+            f"correlated with past inputs. A test fails if its probability is below "
+            f"{SIGNIFICANT:g}."
+        ),
         records=[_record(result, name, table) for name, table in result.histories.items()],
         about=about_arm(result.arm),
         files=[file_item("identified.yaml", file_text(result.arm.spec))],
@@ -80,17 +92,6 @@ def _warnings(result: Identification) -> list[str]:
             "data show; the standard deviations do not contain it."
         )
     return texts
-
-
-def _figures(result: Identification) -> list[tuple[str, str, str]]:
-    rows = [("Method", result.method.replace("_", " "), "")]
-    rows.append(("Smallest fit", number(float(np.nanmin(result.fit["fit"].values))), "%"))
-    if result.validation.sizes["record"]:
-        smallest = float(np.nanmin(result.validation["fit"].values))
-        rows.append(("Smallest fit, validation", number(smallest), "%"))
-    rows.append(("Parameters", str(result.parameters.sizes["parameter"]), ""))
-    rows.append(("Statements on what is not determined", str(len(result.undetermined)), ""))
-    return rows
 
 
 def _estimates(result: Identification) -> list[Table]:
@@ -129,24 +130,6 @@ def _values(title: str, rows: Any, table: xr.Dataset) -> Table:
     return Table(title, (*HEADS[:4], "95 % interval", ""), tuple(made))
 
 
-def _fits(result: Identification) -> list[Table]:
-    tables = [("Fitted records", result.fit)]
-    if result.validation.sizes["record"]:
-        tables.append(("Validation: records that were not fitted", result.validation))
-    return [Table(title, FIT_HEADS, tuple(fit_rows(table))) for title, table in tables]
-
-
-def _explained(result: Identification) -> str:
-    what = "simulated channels"
-    if result.method == "prediction_error":
-        what = "predictions from the samples before"
-    return (
-        f"Fit and tests are those of the {what}. 100 % is perfect, 0 % as good as the mean. "
-        "Whiteness: residuals are not correlated over time. Independence: residuals are not "
-        f"correlated with past inputs. A test fails if its probability is below {SIGNIFICANT:g}."
-    )
-
-
 def _record(result: Identification, name: str, table: xr.Dataset) -> dict[str, str]:
     fitted = name in result.fit["record"].values
     word = "predicted" if result.method == "prediction_error" else "simulated"
@@ -156,27 +139,21 @@ def _record(result: Identification, name: str, table: xr.Dataset) -> dict[str, s
         one = table.sel(channel=channel)
         measured, simulated = one["measured"].values, one["simulated"].values
         unit = str(one["unit"].values)
-        channels.append(FittedChannel(clean(channel), unit, times, measured, simulated))
-        rows.append(_correlations(clean(channel), times, measured - simulated, table))
+        channels.append(fits.FittedChannel(clean(channel), unit, times, measured, simulated))
+        missed = measured - simulated
+        valid = np.isfinite(missed)
+        residuals = np.where(valid, missed - missed[valid].mean(), 0.0)
+        lags = times[: LAGS + 1] - times[0]
+        own, _ = correlation_of(residuals, valid, lags.size - 1)
+        bound = _BAND / np.sqrt(valid.sum())
+        panels = [fits.Correlation(f"{clean(channel)}, own", lags[1:], own[1:], bound)]
+        for source in table["input"].values:
+            signal = table["driven"].sel(input=source).values
+            crossed, deviation = cross_correlation(residuals, valid, signal, lags.size - 1)
+            panels.append(fits.Correlation(f"with {source}", lags, crossed, _BAND * deviation))
+        rows.append(panels)
     return {
         "title": clean(name) + ("" if fitted else ", not fitted"),
-        "fit": fit_picture(channels, word),
-        "correlations": correlations_picture(rows),
+        "fit": fits.fit_picture(channels, word),
+        "correlations": fits.correlations_picture(rows),
     }
-
-
-def _correlations(
-    channel: str, times: np.ndarray, missed: np.ndarray, table: xr.Dataset
-) -> list[Correlation]:
-    """Return the correlations of the residuals of a channel with themselves and with inputs."""
-    valid = np.isfinite(missed)
-    residuals = np.where(valid, missed - missed[valid].mean(), 0.0)
-    lags = times[: LAGS + 1] - times[0]
-    own, _ = correlation_of(residuals, valid, lags.size - 1)
-    bound = _BAND / np.sqrt(valid.sum())
-    panels = [Correlation(f"{channel}, own", lags[1:], own[1:], bound)]
-    for name in table["input"].values:
-        signal = table["driven"].sel(input=name).values
-        crossed, deviation = cross_correlation(residuals, valid, signal, lags.size - 1)
-        panels.append(Correlation(f"with {name}", lags, crossed, _BAND * deviation))
-    return panels

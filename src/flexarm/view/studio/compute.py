@@ -11,7 +11,6 @@ from typing import Any, Literal
 
 import numpy as np
 import orjson
-import xarray as xr
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
@@ -98,18 +97,6 @@ def _part(request: Request) -> Part:
     result = prepared.run(plant=plant, loads=own.loads, changes=own.changes, progress=False)
     if request.purpose == "report":
         return Report(report(result, title=project.name, rigid=True))
-    return _picture(prepared, plant, result, began)
-
-
-@lru_cache(maxsize=1)
-def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
-    """Return the scenario, ready to run, and another simulated arm; kept for the margins."""
-    prepared = prepare(project.scenario)
-    arm = project.simulated_arm
-    return prepared, None if arm == project.scenario.arm else Arm(arm)
-
-
-def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: float) -> Picture:
     arm = plant or prepared.arm
     reference = prepared.followed.motion
     times, fps, speed = clock(result, arm.links, _MOST_COORDINATES)
@@ -129,6 +116,14 @@ def _picture(prepared: Prepared, plant: Arm | None, result: xr.Dataset, began: f
     texts = (*implausible(arm.spec), *prepared.implausible(), *warnings_of(result))
     lowest = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
     return Picture(data, texts, lowest, time.perf_counter() - began)
+
+
+@lru_cache(maxsize=1)
+def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
+    """Return the scenario, ready to run, and another simulated arm; kept for the margins."""
+    prepared = prepare(project.scenario)
+    arm = project.simulated_arm
+    return prepared, None if arm == project.scenario.arm else Arm(arm)
 
 
 def _margins(prepared: Prepared, plant: Arm | None) -> Margins:

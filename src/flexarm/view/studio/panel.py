@@ -204,19 +204,16 @@ class _Control:
         self._name = f"{field.label} [{unit}]" if unit else field.label
         with ui.element("div").classes("field").props(f"data-path={_quoted(field.name)}"):
             if field.control not in ("switch", "button"):  # which contain their label
-                self._add_label()
+                with ui.element("div").classes("line"):
+                    ui.label(self._name).classes("name").tooltip(self.field.description)
+                    if self.field.other is not None:
+                        path, form = self.field.other
+                        words = _CONSTANT if self.field.control == "table" else _FORMS[form]
+                        button = ui.button(words, on_click=lambda: self._commit(path, form))
+                        button.classes("other").props("flat dense no-caps")
             getattr(self, f"_add_{field.control}")()
             self._message = ui.label().classes("message").props("role=alert")
             self._message.set_visibility(False)
-
-    def _add_label(self) -> None:
-        with ui.element("div").classes("line"):
-            ui.label(self._name).classes("name").tooltip(self.field.description)
-            if self.field.other is not None:
-                path, form = self.field.other
-                words = _CONSTANT if self.field.control == "table" else _FORMS[form]
-                button = ui.button(words, on_click=lambda: self._commit(path, form))
-                button.classes("other").props("flat dense no-caps")
 
     def _add_slider(self) -> None:
         field = self.field

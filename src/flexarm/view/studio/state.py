@@ -26,14 +26,8 @@ from flexarm.model.file_format.files import content_of, load_any, record_of_byte
 from flexarm.model.file_format.yaml_text import Change, changed, parse
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.model.wording import Path, look
+from flexarm.view.studio.values import starts
 from flexarm.view.studio.values.forms import Forms, forms_at
-from flexarm.view.studio.values.starts import (
-    first_entries,
-    new_record,
-    new_value,
-    scenario_around,
-    short,
-)
 
 #: Last part of a path: the kind of a record, another form of a value, the text of a table, a new
 #: entry of a list or mapping or a value that was omitted, and its removal; a way to describe a link
@@ -73,27 +67,37 @@ def plain_edit(
         kept = {k: v for k, v in content_of(old).items() if k not in old._columns}
         return place, [{**kept, **table_content(value, old)}]
     if word == REMOVE:
-        return _removed(record, place)
+        if not isinstance(place[-1], int):
+            return place, [None]
+        entries = _at(record, place[:-1])
+        kept = content_of((*entries[: place[-1]], *entries[place[-1] + 1 :]))
+        optional = forms_at(record, place[:-1]).optional
+        return place[:-1], [None if optional and not kept else kept]
     if word == WAY:
         return place, [_described(old, value)]
     if word == PRESET:
         return place, [value if value in MATERIALS else explicit(old)]
     forms = forms_at(record, place)
     if word == KIND and isinstance(old, Record) and not forms.kinds:
-        return place, _of_other_kind(scenario, old, value)
+        # Another required kind may need a number more or less.
+        kept = {**content_of(old), KIND: value}
+        fewer = [{k: v for k, v in kept.items() if k != name} for name in kept if name != KIND]
+        return place, [kept, {**starts.new_record(scenario, type(old)), **kept}, *fewer]
     if word == KIND:
         omitted = forms.optional and value not in [form.kind for form in forms.kinds]
         if omitted and value == "none":
             return place, [None]
-        return place, [new_value(scenario, path, forms, value, old)]
+        return place, [starts.new_value(scenario, path, forms, value, old)]
     if word == NEW:
         entries = forms.named("list")
         if entries is None:
-            return place, [new_value(scenario, path, forms, value)]
-        if old is None and (first := first_entries(scenario, entries.items())):
+            return place, [starts.new_value(scenario, path, forms, value)]
+        if old is None and (first := starts.first_entries(scenario, entries.items())):
             return place, [first]
         kinds = entries.items().kinds
-        new = new_value(scenario, path, entries.items(), value or (kinds and kinds[0].kind) or None)
+        new = starts.new_value(
+            scenario, path, entries.items(), value or (kinds and kinds[0].kind) or None
+        )
         return place, [[*content_of(old or ()), new]]
     return place, _in_form(scenario, forms, value, old)
 
@@ -115,23 +119,6 @@ def _at(record: Scenario | StudySpec, place: Path) -> Any:
     return value
 
 
-def _removed(record: Scenario | StudySpec, place: Path) -> tuple[Path, list[Any]]:
-    """Return the edit that removes an entry of a list, or a value that may be omitted."""
-    if not isinstance(place[-1], int):
-        return place, [None]
-    entries = _at(record, place[:-1])
-    kept = content_of((*entries[: place[-1]], *entries[place[-1] + 1 :]))
-    optional = forms_at(record, place[:-1]).optional
-    return place[:-1], [None if optional and not kept else kept]
-
-
-def _of_other_kind(scenario: Scenario, old: Record, kind: Any) -> list[Any]:
-    """Return a record with another required kind, with a number more or less if that needs it."""
-    kept = {**content_of(old), KIND: kind}
-    fewer = [{k: v for k, v in kept.items() if k != name} for name in kept if name != KIND]
-    return [kept, {**new_record(scenario, type(old)), **kept}, *fewer]
-
-
 def _in_form(scenario: Scenario, forms: Forms, name: str, old: Any) -> list[Any]:
     """Return values in another form, as near to the old value as possible."""
     form = forms.named(name)
@@ -140,7 +127,7 @@ def _in_form(scenario: Scenario, forms: Forms, name: str, old: Any) -> list[Any]
     if form is forms.of(old):  # a button that was pressed twice
         return [content_of(old)]
     if name == "record":
-        return [new_record(scenario, form.type, old)]
+        return [starts.new_record(scenario, form.type, old)]
     if name == "list":
         lengths = [Arm(scenario.arm).joints] if form.per_joint else [len(scenario.arm.links), 1]
         return [[old] * length for length in lengths]
@@ -167,13 +154,13 @@ def _described(link: Link, way: str) -> dict[str, Any]:
         return {**kept, "table": {k: list(v) for k, v in columns.items() if v and any(v)}}
     if way == "constants":
         values = {name: getattr(beam, name) for name in WAYS[way]}
-        return {**kept, **{name: short(v[0]) for name, v in values.items() if v and v[0]}}
+        return {**kept, **{name: starts.short(v[0]) for name, v in values.items() if v and v[0]}}
     rigidity = beam.flexural_rigidity[0] if beam.flexural_rigidity else 100.0
     material = "aluminium"
     # A tube with a wall of a tenth of its diameter D has I = pi/64 (1 - 0.8^4) D^4.
     moment = rigidity / MATERIALS[material].youngs_modulus
-    diameter = short((moment * 64.0 / (math.pi * (1.0 - 0.8**4))) ** 0.25)
-    tube = {"kind": "tube", "outer_diameter": diameter, "thickness": short(0.1 * diameter)}
+    diameter = starts.short((moment * 64.0 / (math.pi * (1.0 - 0.8**4))) ** 0.25)
+    tube = {"kind": "tube", "outer_diameter": diameter, "thickness": starts.short(0.1 * diameter)}
     return {**kept, "material": material, "section": tube}
 
 
@@ -367,7 +354,7 @@ def _abbreviated(record: Scenario | StudySpec, content: Any, path: Path) -> Iter
 def project_of(record: ArmSpec | Scenario | StudySpec, name: str) -> Project:
     """Return the project of the content of a file; an arm alone gets a motion and a drive."""
     if isinstance(record, ArmSpec):
-        record = scenario_around(record)
+        record = starts.scenario_around(record)
     if isinstance(record, Scenario):
         return Project(record, name)
     first = (next(iter(names)) for names in (record.drives, record.motions, record.plants))

@@ -22,6 +22,7 @@ from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.writing.places import AnyPath, check_place, write_text, write_whole
 from flexarm.model import Contact
 from flexarm.model.quantities import Flag, Positive
+from flexarm.view.plot import drawn_result
 from flexarm.view.plot.animation.scene import (
     Scene,
     SceneOptions,
@@ -30,14 +31,6 @@ from flexarm.view.plot.animation.scene import (
     scene_of,
     surroundings,
     thin,
-)
-from flexarm.view.plot.drawn_result import (
-    arm_of,
-    check_drawable,
-    check_magnify,
-    named_results,
-    rigid_result,
-    several,
 )
 from flexarm.view.plot.palette import GREY, INK, SERIES
 
@@ -265,19 +258,19 @@ def animate(
     fps = check_number("fps", fps, lambda rate: 1.0 <= rate <= 240.0, "be from 1 to 240")
     if place is not None and place.suffix.lower() == ".gif":
         fps = 100.0 / gif_delay(fps)
-    magnify = check_magnify(magnify)
+    magnify = drawn_result.check_magnify(magnify)
     width = check_count("width", width, 320, 7680)
     times = _times(named, fps, speed)
     scenes = []
     for name, result in named.items():
-        arm = arm_of("results", result)
+        arm = drawn_result.arm_of("results", result)
         none = isinstance(channels, list | tuple) and not channels
-        histories = [] if none else several("channels", channels, result)
+        histories = [] if none else drawn_result.several("channels", channels, result)
         if len(histories) > _MOST_HISTORIES:
             rule = f"be at most {_MOST_HISTORIES} channels"
             raise InputError(Problem("channels", rule, shown(len(histories))))
         desired, touched = surroundings(arm, result, reference, contacts)
-        ghost = rigid_result(rigid, arm, result)
+        ghost = drawn_result.rigid_result(rigid, arm, result)
         options = SceneOptions(magnify, trace, torque, ghost, desired, touched)
         drawn = [thin(signals, _INTERVALS) for signals in histories]
         scenes.append(scene_of(name, arm, result, times, options, drawn))
@@ -293,10 +286,10 @@ def animate(
 def _named(results: object) -> dict[str, xr.Dataset]:
     """Return the results by title, which is empty for a single result."""
     if isinstance(results, Mapping | list | tuple) and not hasattr(results, "data_vars"):
-        named = named_results(results, _MOST_RESULTS)
+        named = drawn_result.named_results(results, _MOST_RESULTS)
     else:
         named = {"": check_dataset("results", results)}
-    return {name: check_drawable("results", result) for name, result in named.items()}
+    return {name: drawn_result.check_drawable("results", result) for name, result in named.items()}
 
 
 def _times(named: Mapping[str, xr.Dataset], fps: float, speed: float) -> np.ndarray:

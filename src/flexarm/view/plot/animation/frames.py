@@ -34,7 +34,13 @@ class Stage:
             self._sheet, arms, panels = _arrange(scenes, width / DPI)
             self._canvas = cast(Any, FigureCanvasAgg(self._sheet))  # its methods are untyped
             self._moving: list[tuple[Axes, _Arm | _Cursor]] = []
-            view = _common_view(scenes)
+            # A square contains the views of all scenes, so that all arms have one scale.
+            views = np.array([scene.view for scene in scenes])
+            low, high = views[:, [0, 2]].min(axis=0), views[:, [1, 3]].max(axis=0)
+            half, middle = 0.5 * float((high - low).max()), 0.5 * (low + high)
+            left, bottom = middle - half
+            right, top = middle + half
+            view = float(left), float(right), float(bottom), float(top)
             for scene, arm, own in zip(scenes, arms, panels, strict=True):
                 self._moving.append((arm, _Arm(arm, scene, view)))
                 for panel, signals in zip(own, scene.histories, strict=True):
@@ -107,16 +113,6 @@ def _column(
     each = (height - (count - 1) * gap) / max(count, 1)
     places = [bottom + (count - 1 - k) * (each + gap) for k in range(count)]
     return [_placed(sheet, left, place, width, each) for place in places]
-
-
-def _common_view(scenes: Sequence[Scene]) -> tuple[float, float, float, float]:
-    """Return a square that contains the views of all scenes, so that all arms have one scale."""
-    views = np.array([scene.view for scene in scenes])
-    low, high = views[:, [0, 2]].min(axis=0), views[:, [1, 3]].max(axis=0)
-    half, middle = 0.5 * float((high - low).max()), 0.5 * (low + high)
-    left, bottom = middle - half
-    right, top = middle + half
-    return float(left), float(right), float(bottom), float(top)
 
 
 class _Arm:

@@ -85,18 +85,6 @@ def _draw_path(axes: Axes, case: Histories) -> None:
     axes.set(xlim=(-0.1, 2.25), ylim=(-0.1, 2.15))
 
 
-def _draw_theories(axes: Axes, case: Histories) -> None:
-    """Draw the tip deflection of link 1 in the paper's theory and in the second-order theory."""
-    looks = {
-        "flexible": {**style.FLEXIBLE, "label": "linear, as the paper"},
-        "second_order": {**style.SECOND_ORDER, "linestyle": "-."},
-        "rigid": style.RIGID,
-    }
-    for model, look in looks.items():
-        axes.plot(case.time, _first_deflection(case, model), **look)
-    _label_history(axes, "Tip deflection of link 1", "deflection [mm]", case)
-
-
 def _first_deflection(case: Histories, model: str) -> FloatArray:
     """Return the tip deflection of link 1, (T,) mm."""
     return 1e3 * case.runs[model]["link_tip_deflection"][:, 0]
@@ -184,21 +172,16 @@ def overview(case: Histories) -> style.Sheet:
             axes.set_title(f"Fig. {number}   {axes.get_title(loc='left')}")
             style.place_labels(axes)
         style.legend_above(torques)
-        _head(sheet, histories[0], case)
+        width, height = sheet.get_size_inches()
+        level = 1.0 - 0.4 / height
+        title = f"Two flexible links, tip sent along a line in {case.duration:g} s"
+        sheet.text(0.65 / width, level, title, fontsize=11.0)
+        note = f"Path, timing and torques: our choice. Figs. 9 to 16: tip of each link {TIP_FRAME}."
+        sheet.text(0.65 / width, level - 0.19 / height, note, fontsize=9.0)
+        handles, labels = histories[0].get_legend_handles_labels()
+        corner = (1.0 - 0.3 / width, level - 0.07 / height)
+        sheet.legend(handles, labels, loc="lower right", bbox_to_anchor=corner, ncols=3)
     return sheet
-
-
-def _head(sheet: style.Sheet, example: Axes, case: Histories) -> None:
-    """Write the title of a page, and the legend of all its plots."""
-    width, height = sheet.get_size_inches()
-    level = 1.0 - 0.4 / height
-    title = f"Two flexible links, tip sent along a line in {case.duration:g} s"
-    sheet.text(0.65 / width, level, title, fontsize=11.0)
-    note = f"Path, timing and torques: our choice. Figs. 9 to 16: tip of each link {TIP_FRAME}."
-    sheet.text(0.65 / width, level - 0.19 / height, note, fontsize=9.0)
-    handles, labels = example.get_legend_handles_labels()
-    corner = (1.0 - 0.3 / width, level - 0.07 / height)
-    sheet.legend(handles, labels, loc="lower right", bbox_to_anchor=corner, ncols=3)
 
 
 def theories(case: Histories) -> style.Sheet:
@@ -207,7 +190,14 @@ def theories(case: Histories) -> style.Sheet:
     with style.styled():
         above, below = sheet.subplots(2, sharex=True, height_ratios=(2.0, 1.0))
         style.margins(sheet, left=0.58, bottom=0.4, right=0.14, top=0.28, hspace=0.14)
-        _draw_theories(above, case)
+        looks = {
+            "flexible": {**style.FLEXIBLE, "label": "linear, as the paper"},
+            "second_order": {**style.SECOND_ORDER, "linestyle": "-."},
+            "rigid": style.RIGID,
+        }
+        for model, look in looks.items():
+            above.plot(case.time, _first_deflection(case, model), **look)
+        _label_history(above, "Tip deflection of link 1", "deflection [mm]", case)
         theories = [_first_deflection(case, name) for name in ("flexible", "second_order")]
         below.plot(case.time, theories[0] - theories[1], color=style.INK, linewidth=1.0)
         _label_history(below, "", "difference [mm]", case)

@@ -17,7 +17,7 @@ from flexarm.base.errors import FlexarmError
 from flexarm.cases.scenario.references import motion_of
 from flexarm.control.design.arm_scales import arm_scales
 from flexarm.linear import modes
-from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario
+from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario, environment
 from flexarm.model.arm.joints import Friction, JointLimits, Winding
 from flexarm.model.arm.links import (
     Box,
@@ -30,18 +30,6 @@ from flexarm.model.arm.links import (
 )
 from flexarm.model.checks import Record, descriptions_of
 from flexarm.model.drives import DRIVES, TorqueDrive
-from flexarm.model.environment import (
-    PAYLOAD_MASS,
-    AccelerationTable,
-    Change,
-    Contact,
-    FactorTable,
-    Load,
-    RoundWall,
-    SurfaceTable,
-    ValueTable,
-    Wall,
-)
 from flexarm.model.file_format.files import content_of
 from flexarm.model.scenarios.motions import ForceTable, SmoothingSpec
 from flexarm.model.scenarios.scenario import (
@@ -69,11 +57,9 @@ def scenario_around(arm: ArmSpec) -> Scenario:
 
 
 def motion_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
-    """Return a motion of a kind between the ends of the scenario's motion.
-
-    The arm's own joints turn by half a radian if the scenario has no motion. A kind without
-    starting values is returned alone, so that the records report what is wrong.
-    """
+    """Return a motion of a kind between the ends of the scenario's motion."""
+    # The arm's own joints turn by half a radian if the scenario has no motion. A kind without
+    # starting values is returned alone, so that the records report what is wrong.
     arm = Arm(scenario.arm)
     start, end = ends_of(arm, scenario)
     if kind == "joint":
@@ -139,10 +125,8 @@ _SPACE = 0.05
 def new_value(
     scenario: Scenario, path: Path, forms: Forms, kind: str | None = None, old: Any = None
 ) -> Any:
-    """Return a starting value in a scenario instead of ``old``, as a file has it.
-
-    A kind that does not exist is returned alone, so that the records report what is wrong.
-    """
+    """Return a starting value in a scenario instead of ``old``, as a file has it."""
+    # A kind that does not exist is returned alone, so that the records report what is wrong.
     if kind is None:
         return _plain(scenario, forms.given[0], 1, old)
     if path[:1] == ("drive",):
@@ -191,19 +175,16 @@ def _plain(scenario: Scenario, form: Form, length: int, old: Any = None) -> Any:
 def _simple(form: Form, k: int) -> Any:
     """Return the entry k of a list, or for 0 a single value."""
     if form.name == "number":
-        return _number(form, k)
+        bounds = list(form.bounds())
+        lowest = max((bound for bound, below, _ in bounds if below), default=0.0)
+        highest = min((bound for bound, below, _ in bounds if not below), default=math.inf)
+        usual = lowest < 1.0 + k < highest or lowest == 1.0 + k
+        value = (
+            1.0 + k if usual else lowest + (k + 1) / (k + 3) * (min(highest, lowest + 3.0) - lowest)
+        )
+        return int(value) if form.type is int else value
     values: dict[str, Any] = {"pair": [1.0 + k, 0.0], "flag": False, "word": f"name_{k + 1}"}
     return form.words[0] if form.name == "choice" else values[form.name]
-
-
-def _number(form: Form, k: int) -> float:
-    """Return 1, 2, ... if that is within the bounds, else numbers that are."""
-    bounds = list(form.bounds())
-    lowest = max((bound for bound, below, _ in bounds if below), default=0.0)
-    highest = min((bound for bound, below, _ in bounds if not below), default=math.inf)
-    usual = lowest < 1.0 + k < highest or lowest == 1.0 + k
-    value = 1.0 + k if usual else lowest + (k + 1) / (k + 3) * (min(highest, lowest + 3.0) - lowest)
-    return int(value) if form.type is int else value
 
 
 def _stiffness(scenario: Scenario) -> float:
@@ -232,7 +213,7 @@ def _load(scenario: Scenario, old: Any) -> dict[str, Any]:
 def _change(scenario: Scenario, old: Any) -> dict[str, Any]:
     mass = scenario.arm.payload.mass
     half = short(0.5 * scenario.run.duration)
-    return {"path": PAYLOAD_MASS, "at": half, "to": short(2.0 * mass or 0.1)}
+    return {"path": environment.PAYLOAD_MASS, "at": half, "to": short(2.0 * mass or 0.1)}
 
 
 def _number_of(old: Any) -> float:
@@ -241,7 +222,7 @@ def _number_of(old: Any) -> float:
 
 def _contact(scenario: Scenario, old: Any) -> dict[str, Any]:
     return {
-        "surface": new_record(scenario, Wall),
+        "surface": new_record(scenario, environment.Wall),
         "stiffness": short(_HARDER * _stiffness(scenario)),
         "damping": 1.0,
     }
@@ -327,19 +308,22 @@ def _section(record: type[Record]) -> Callable[[Scenario, Any], dict[str, Any]]:
 
 #: Starting values of fields of a record, for a scenario and the value to replace.
 _STARTS: dict[type[Record], Callable[[Scenario, Any], dict[str, Any]]] = {
-    Load: _load,
-    FactorTable: lambda of, _: {"times": _times(of, 3), "values": [0.0, 1.0, 1.0]},
-    AccelerationTable: lambda of, old: {
+    environment.Load: _load,
+    environment.FactorTable: lambda of, _: {"times": _times(of, 3), "values": [0.0, 1.0, 1.0]},
+    environment.AccelerationTable: lambda of, old: {
         "times": _times(of, 3),
         "values": [[0.0, 0.0], list(old or (1.0, 0.0)), [0.0, 0.0]],
     },
     ForceTable: lambda of, old: {"times": _times(of, 2), "values": [old or 1.0] * 2},
-    Change: _change,
-    ValueTable: lambda of, old: {"times": _times(of, 2), "values": [_number_of(old)] * 2},
-    Contact: _contact,
-    Wall: _wall,
-    RoundWall: _post,
-    SurfaceTable: _floor,
+    environment.Change: _change,
+    environment.ValueTable: lambda of, old: {
+        "times": _times(of, 2),
+        "values": [_number_of(old)] * 2,
+    },
+    environment.Contact: _contact,
+    environment.Wall: _wall,
+    environment.RoundWall: _post,
+    environment.SurfaceTable: _floor,
     Gauge: lambda of, _: {"station": 0.0, "distance": 0.005},
     Friction: lambda of, _: {"coulomb": 0.1},
     JointLimits: _limits,
