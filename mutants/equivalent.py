@@ -93,8 +93,8 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
     },
     "response.py": {
         (
-            "return _Spectra(parts[0].frequency_hz, np.asarray(total), averages)",
-            "return Spectra(parts[ -1].frequency_hz, np.asarray(total), averages)",
+            "spectra = _Spectra(parts[0].frequency_hz, np.asarray(total), averages)",
+            "spectra = _Spectra(parts[ -1].frequency_hz, np.asarray(total), averages)",
         ): "all records have the same rate, and their segments the same length",
     },
     "identify.py": {

@@ -23,7 +23,7 @@ from measure_integrators import Torque
 import flexarm as fa
 from flexarm.integrate import INTEGRATORS
 from flexarm.simulation.histories.piecewise import function_history
-from flexarm.view.plot.drawn_result import series_colors
+from flexarm.view.plot.palette import series_colors
 from flexarm.view.plot.style import Sheet, styled
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))

@@ -18,10 +18,10 @@ from unittest import mock
 
 import numpy as np
 import yaml
-from flexarm.cli.commands.mechanisms import TEMPLATES, arm_text, scenario_text
 from typer.testing import CliRunner
 
 import flexarm as fa
+from flexarm.cli.commands.init import TEMPLATES, arm_text, scenario_text
 from flexarm.cli.failures import FAILED_RUN, INTERRUPTED, WRONG_INPUT
 from flexarm.cli.main import app
 from fuzz.farm import ROOT, Part

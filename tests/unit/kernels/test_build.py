@@ -43,6 +43,10 @@ def counted(array, least):
     return count
 
 @compiled
+def inverse(z, out):
+    out[0] = 1.0 / z[0]
+
+@compiled
 def is_negative(x):
     return x < 0.0
 """
@@ -62,14 +66,25 @@ def results():
         own.filled(own.Pair(matrix, 2.0), out, True), out.tolist(),
         own.filled(own.Pair(wide, 2.0), out, False), out.tolist(),
         own.counted(np.array([1.0 + 1.0j, 3.0]), 2), own.is_negative(-1.0), own.is_negative(2.0),
+        *inverses(),
     ]
+
+def inverses():
+    z, out = np.array([2.0 + 0.0j]), np.zeros(1, dtype=complex)
+    own.inverse(z, out)
+    z[0] = 0.0
+    try:
+        own.inverse(z, out)
+    except ZeroDivisionError as error:
+        return [out[0].real, str(error)]
+    return [out[0].real, "no error"]
 
 expected = results()
 folder, every = Path(sys.argv[1]), sys.argv[2] == "every"
 build.export(folder / "objects", every)
 files = build.link(folder / "objects", folder / "linked", every)
 known = library.Library(folder / "linked")
-for kernel in (own.filled, own.counted, own.is_negative):
+for kernel in (own.filled, own.counted, own.is_negative, own.inverse):
     kernel._codes.clear()
 library.loaded = lambda: known
 from flexarm.kernels.compilation import cache
@@ -102,7 +117,7 @@ def test_built_kernels_return_what_compiled_ones_return(tmp_path):
     expected, answers, files = built(tmp_path, "this")
     assert expected[0] == 15.0
     assert expected[1] == [3.0, 12.0]
-    assert expected[4:] == [1, True, False]
+    assert expected[4:] == [1, True, False, 0.5, "complex division by zero"]
     assert answers == expected
     assert len(files) == 1
 

@@ -72,7 +72,7 @@ def levels(every: bool) -> list[Level]:
     return list(family) if every else fitting[:1]
 
 
-_INT, _DOUBLE, _BYTE = ir.IntType(64), ir.DoubleType(), ir.IntType(8)
+_INT, _DOUBLE = ir.IntType(64), ir.DoubleType()
 _RESULTS = {types.none: "", types.float64: "d", types.int64: "q", types.boolean: "?"}
 _PROCESSOR = """
 #if defined(__x86_64__)
@@ -183,11 +183,14 @@ def _array(builder: Any, kind: Any, thing: Any, head: Any) -> Any:
 
 
 def _entry(call: Call) -> Any:
-    """Return a module with the entry point of a call: a function of a block of words."""
+    """Return a module with the entry point of a call: a function of a block of words.
+
+    It returns 0, or 1 if the kernel raised an exception; then the word of the result, if any.
+    """
     context, version = cpu_target.target_context, call.version
     symbol = _own_symbol(call.kernel.py_func, version)
     returned, kinds = version.signature.return_type, version.signature.args
-    result = {"": ir.VoidType(), "d": _DOUBLE, "q": _INT, "?": _BYTE}[_RESULTS[returned]]
+    result = _INT if returned == types.none else ir.LiteralStructType([_INT, _INT])
     module = ir.Module(f"entry_{symbol}")
     function = ir.Function(module, ir.FunctionType(result, [_INT.as_pointer()]), f"entry_{symbol}")
     builder = ir.IRBuilder(function.append_basic_block())
@@ -196,11 +199,16 @@ def _entry(call: Call) -> Any:
     ]
     convention = context.call_conv.get_function_type(returned, kinds)
     callee = ir.Function(module, convention, symbol)
-    _, value = context.call_conv.call_function(builder, callee, returned, kinds, values)
+    status, value = context.call_conv.call_function(builder, callee, returned, kinds, values)
+    failed = builder.zext(status.is_error, _INT)
     if returned == types.none:
-        builder.ret_void()
+        builder.ret(failed)
     else:
-        builder.ret(builder.zext(value, _BYTE) if returned == types.boolean else value)
+        word = builder.bitcast(value, _INT) if returned == types.float64 else value
+        word = builder.zext(value, _INT) if returned == types.boolean else word
+        builder.ret(
+            builder.insert_value(builder.insert_value(result(ir.Undefined), failed, 0), word, 1)
+        )
     return llvm.parse_assembly(str(module))
 
 

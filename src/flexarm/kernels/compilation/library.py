@@ -114,13 +114,21 @@ def block_format(text: str) -> str:
     return "=q" + "".join("d" if word == "d" else "q" for word in words if word)
 
 
+class _Answer(ctypes.Structure):
+    """What a kernel with a result returns."""
+
+    _fields_: ClassVar = [("failed", ctypes.c_int64), ("word", ctypes.c_int64)]
+
+
 class Code:
     """Machine code of a kernel for one `signature`."""
 
-    __slots__ = ("_function", "_pack")
+    __slots__ = ("_function", "_pack", "_result")
 
-    def __init__(self, function: Any, text: str) -> None:
-        self._function = function
+    def __init__(self, function: Any, text: str, result: str) -> None:
+        self._function, self._result = function, result
+        function.argtypes = [ctypes.c_char_p]
+        function.restype = _Answer if result else ctypes.c_int64
         self._pack = struct.Struct(block_format(text)).pack
 
     def block(self, words: list[Any]) -> bytes:
@@ -128,12 +136,26 @@ class Code:
         return self._pack(_HEAD, *words)
 
     def run(self, block: bytes) -> Any:
-        """Call the code with a block."""
-        return self._function(block)
+        """Call the code with a block.
+
+        Raises:
+            ZeroDivisionError: as the same code of Numba: for complex numbers, the only exception
+                of kernels.
+        """
+        answer = self._function(block)
+        failed = answer.failed if self._result else answer
+        if failed:
+            raise ZeroDivisionError("complex division by zero")
+        if not self._result:
+            return None
+        number: int = answer.word
+        if self._result == "d":
+            return struct.unpack("=d", struct.pack("=q", number))[0]
+        return bool(number) if self._result == "?" else number
 
     def __call__(self, words: list[Any]) -> Any:
         """Call the code with words from `flatten`."""
-        return self._function(self._pack(_HEAD, *words))
+        return self.run(self.block(words))
 
 
 #: Bytes of an object before the fields of its type.
@@ -183,11 +205,7 @@ class Library:
         except KeyError:
             return None
         function = getattr(self._held if held else self._released, symbol)
-        function.argtypes, function.restype = [ctypes.c_char_p], _RESULTS[result]
-        return Code(function, text)
-
-
-_RESULTS: dict[str, Any] = {"": None, "d": ctypes.c_double, "q": ctypes.c_int64, "?": ctypes.c_bool}
+        return Code(function, text, result)
 
 
 def system() -> str:
