@@ -61,10 +61,15 @@ class KernelLibrary(BuildHookInterface):
             return f"{', '.join(missing)} not installed for the build"
         self._folder = tempfile.TemporaryDirectory(prefix="flexarm-kernels-")
         command = [sys.executable, "-m", "flexarm", "warmup"]
-        source = os.path.join(self.root, "src")
+        # An isolated build finds its packages by this variable, too.
+        folders = [os.path.join(self.root, "src"), os.environ.get("PYTHONPATH")]
         done = subprocess.run(
             [*command, "--into", self._folder.name, *(["--every-processor"] if every else [])],
-            env={**os.environ, "PYTHONPATH": source, "NUMBA_DISABLE_JIT": "0"},
+            env={
+                **os.environ,
+                "PYTHONPATH": os.pathsep.join(filter(None, folders)),
+                "NUMBA_DISABLE_JIT": "0",
+            },
             stderr=subprocess.PIPE,
             text=True,
             check=False,
@@ -77,4 +82,6 @@ def _platform(wish: str) -> str:
     machine = platform.machine().lower()
     if wish == "release" and sys.platform == "linux":
         return f"manylinux_2_17_{machine}.musllinux_1_1_{machine}"
+    if sys.platform == "darwin":  # the platform of Python may be that of two processor families
+        return f"macosx_11_0_{machine}"
     return sysconfig.get_platform().replace("-", "_").replace(".", "_")

@@ -11,7 +11,7 @@ from typing import Any
 import flexarm as fa
 from flexarm.integrate import INTEGRATORS
 from flexarm.kernels.compilation import jit
-from flexarm.kernels.compilation.build import export
+from flexarm.kernels.compilation.build import export, record
 from flexarm.kernels.compilation.cache import compile_seconds
 from flexarm.motion import Motion
 
@@ -199,6 +199,8 @@ FEATURES: dict[str, Callable[[], None]] = {
 def compile_feature(name: str, folder: Path | None, every: bool) -> float:
     """Compile the kernels of a feature; return the time, s. Export them to a folder, if given."""
     jit.notice.silent = True
+    if folder is not None:
+        record()
     before = compile_seconds()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", fa.FlexarmWarning)  # they concern the example arm

@@ -79,6 +79,7 @@ def inverses():
         return [out[0].real, str(error)]
     return [out[0].real, "no error"]
 
+build.record()
 expected = results()
 folder, every = Path(sys.argv[1]), sys.argv[2] == "every"
 build.export(folder / "objects", every)

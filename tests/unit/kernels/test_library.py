@@ -165,7 +165,7 @@ def test_signature_tells_types_axes_and_memory_layout_apart():
     assert text(square, 1.0, 2, True, np.float64(3.0)) == "f8:2C d q ? d"
     assert text(square.T) == "f8:2F"
     assert text(square[:, 1:]) == "f8:2A"
-    assert text((square, (1, 2.0))) == "(2 f8:2C (2 q d"
+    assert text((square, (1, 2.0))) == "(builtins.tuple:2 f8:2C (builtins.tuple:2 q d"
     assert text(Packs.zeros(2, 3)) == "Packs:3"
     assert text(np.zeros(2, dtype=np.int16), np.zeros(1, dtype=complex)) == "i2:1C c16:1C"
     square.flags.writeable = False

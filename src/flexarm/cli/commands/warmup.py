@@ -36,7 +36,7 @@ def warmup(
     if known is not None:
         if into is not None:
             into.mkdir(parents=True, exist_ok=True)
-            for name in (library.TABLE, known.file.name):
+            for name in (library.TABLE, *known.names):
                 shutil.copy(known.folder / name, into / name)
         screen.print(f"The library of kernels is in {known.folder}.")
         return
@@ -45,7 +45,9 @@ def warmup(
         rule = "cannot be created as a private folder of this user"
         raise InputError(Problem("the cache folder", rule))
     started = time.perf_counter()
-    if into is None and shutil.which(os.environ.get("CC", "cc")) is None:
+    if shutil.which(os.environ.get("CC", "cc")) is None:
+        if into is not None:
+            raise InputError(Problem("the library of kernels", "needs a C compiler (CC, cc)"))
         compiled = _compile(None, every)
         screen.print("There is no C compiler (CC, cc) to link a library: each kernel has a file.")
     else:
@@ -86,7 +88,7 @@ def _compile(scratch: Path | None, every: bool) -> float:
     from flexarm.base.processes import process_pool, usable_cores
     from flexarm.cli.features import FEATURES, compile_feature
 
-    # The processes inherit this: code of a library is finished, code of a cache not exported.
+    # The processes inherit this: code that comes from a library or a cache cannot be exported.
     os.environ["FLEXARM_KERNELS"] = "compile"
     if scratch is not None:
         os.environ["FLEXARM_CACHE"] = str(scratch)

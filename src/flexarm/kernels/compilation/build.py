@@ -110,7 +110,7 @@ def _own_symbol(function: Any, version: Any) -> str:
 
 
 def _standalone(function: Any, version: Any) -> Any:
-    """Return a compiled kernel in LLVM's language, without what Python would call."""
+    """Return a compiled kernel in LLVM's language, without Numba's entry points for Python."""
     module = code_library.module_of(version)
     names = {one.symbol: _symbol(*one[1:]) for one in code_library.references(version, module)}
     names[version.fndesc.llvm_func_name] = _own_symbol(function, version)
@@ -118,21 +118,13 @@ def _standalone(function: Any, version: Any) -> Any:
         if function.name in names:
             function.name = names[function.name]
             function.visibility = "hidden"
+        elif function.name.startswith(("_ZN7cpython", "cfunc.")):
+            function.linkage = "available_externally"  # not in the object file
         elif not function.is_declaration:
             function.linkage = "private"
     for variable in module.global_variables:
         if not variable.is_declaration:
             variable.linkage = "internal"
-    return module
-
-
-def _without_unused(module: Any, machine: Any) -> Any:
-    """Remove what nothing refers to from a module."""
-    builder = llvm.create_pass_builder(machine, llvm.PipelineTuningOptions())
-    passes = builder.getModulePassManager()
-    names = "add_global_dead_code_eliminate_pass", "add_global_dce_pass"  # llvmlite 0.45, before
-    next(getattr(passes, name) for name in names if hasattr(passes, name))()
-    passes.run(module, builder)
     return module
 
 
@@ -212,6 +204,11 @@ def _entry(call: Call) -> Any:
     return llvm.parse_assembly(str(module))
 
 
+def record() -> None:
+    """Keep what this process compiles from now on, for `export`."""
+    CodeCache.compiled, jit.calls = CodeCache.compiled or [], jit.calls or []
+
+
 def export(folder: Path, every: bool = False) -> None:
     """Write object files of all kernels that this process compiled, and of their calls."""
     llvm.initialize_native_target()
@@ -244,7 +241,7 @@ def _emit(symbol: str, module: Callable[[], Any], folder: Path, every: bool) -> 
         machine = target.create_target_machine(
             cpu=level.processor, features=level.options, opt=3, reloc="pic", codemodel="small"
         )
-        code = code or _without_unused(module(), machine)
+        code = code or module()
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(machine.emit_object(code))
 

@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
-from flexarm.base.arguments import library_missing
+from flexarm.base.errors import InputError, Problem
 from flexarm.kernels.compilation import library
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -62,7 +62,11 @@ def _compiler(kernel: str) -> Any:
         InputError: if Numba is not installed, or not wanted.
     """
     if not can_compile():
-        raise library_missing(f"numba, to compile {kernel}", "jit")
+        rule = f"has no machine code for these arguments; {library.reason()}"
+        hint = "With pip install 'flexarm[jit]' it is compiled."
+        if library.CHOICE == "library":
+            hint = "FLEXARM_KERNELS=library forbids to compile it."
+        raise InputError(Problem(f"the kernel {kernel}", rule, hint=hint))
     return import_module("flexarm.kernels.compilation.jit")
 
 
@@ -216,15 +220,13 @@ class Entry:
         if len(arguments) != len(last):
             self._prepare(arguments)
         else:
-            changed = False
-            for k, new in enumerate(arguments):
-                if new is not last[k]:
-                    changed = True
-                    if not self._is_replaced(k, new):
-                        self._prepare(arguments)
-                        break
+            changed = [k for k, value in enumerate(arguments) if value is not last[k]]
             if changed:
-                self._set(arguments)
+                self._last = ()  # until all is ready again: an error or Ctrl-C may come between
+                if all(self._is_replaced(k, arguments[k]) for k in changed):
+                    self._set(arguments)
+                else:
+                    self._prepare(arguments)
         if isinstance(self._code, library.Code):
             return self._code.run(self._block)
         return self._code(*arguments)
@@ -242,6 +244,7 @@ class Entry:
 
     def _prepare(self, arguments: tuple[Any, ...]) -> None:
         """Determine all words, and look up the code."""
+        self._last = ()
         if not isinstance(self.kernel, Kernel):
             return
         self._kinds, self._places, self._words = [], [], []
@@ -255,9 +258,9 @@ class Entry:
         self._set(arguments)
 
     def _set(self, arguments: tuple[Any, ...]) -> None:
-        self._last = arguments
         if isinstance(self._code, library.Code):
             self._block = self._code.block(self._words)
+        self._last = arguments
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Entry:
         return Entry(self.kernel)  # a copy determines its words again

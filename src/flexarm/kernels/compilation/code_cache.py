@@ -41,8 +41,8 @@ class CodeCache:
 
     #: Why code compiled by this process could not be saved; empty if all of it was saved.
     failure = ""
-    #: Kernels and their versions that this process compiled, for `build`.
-    compiled: ClassVar[list[tuple[Any, Any]]] = []
+    #: Kernels and their versions that this process compiled, if it builds a library.
+    compiled: ClassVar[list[tuple[Any, Any]] | None] = None
 
     def __init__(self, function: Callable[..., Any], folder: Path, apart: bool) -> None:
         self._function = function
@@ -95,7 +95,8 @@ class CodeCache:
         body = serialized(key, needed, data)
         if code_library and self._apart:
             code_library.set_apart(self._function, data)
-            CodeCache.compiled.append((self._function, data))
+            if CodeCache.compiled is not None:
+                CodeCache.compiled.append((self._function, data))
         digest = hashlib.sha256(body).digest()
         try:
             replace_file(self._path(key), [digest, body], durable=False)

@@ -60,8 +60,9 @@ def dispatcher(kernel: Kernel) -> Any:
     return made
 
 
-#: Calls from Python for which this process compiled kernels: kernel, types as text, version.
-calls: list[tuple[Kernel, str, Any]] = []
+#: Calls from Python for which this process compiled kernels, if it builds a library: kernel, types
+#: as text, version.
+calls: list[tuple[Kernel, str, Any]] | None = None
 
 
 def code(kernel: Kernel, kinds: Kinds, arguments: tuple[Any, ...]) -> Callable[..., Any]:
@@ -74,8 +75,9 @@ def code(kernel: Kernel, kinds: Kinds, arguments: tuple[Any, ...]) -> Callable[.
     signature = tuple(map(made.typeof_pyval, arguments))
     made.compile(signature)
     version = made.overloads[signature]
-    with contextlib.suppress(KeyError):
-        calls.append((kernel, library.signature(kinds), version))
+    if calls is not None:
+        with contextlib.suppress(KeyError):
+            calls.append((kernel, library.signature(kinds), version))
     entry: Callable[..., Any] = version.entry_point
     return entry
 

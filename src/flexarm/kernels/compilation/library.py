@@ -41,7 +41,7 @@ _CONTIGUOUS, _FORTRAN, _ALIGNED, _WRITABLE = 0x1, 0x2, 0x100, 0x400
 _TYPED = _CONTIGUOUS | _FORTRAN | _ALIGNED | _WRITABLE
 _AXES = 1 << 16
 _NUMBERS: dict[type, str] = {
-    float: "d", np.float64: "d", int: "q", np.int64: "q", bool: "?", np.bool_: "?",
+    float: "d", np.float64: "d", int: "q", np.int64: "q", bool: "?",
 }  # fmt: skip
 
 
@@ -99,8 +99,8 @@ def signature(kinds: Kinds) -> str:
             order += "" if flags & _WRITABLE else "r"
             order += "" if flags & _ALIGNED else "u"
             words.append(f"{kind.str.lstrip('<=|')}:{flags // _AXES}{order}")
-        elif issubclass(kind, tuple):
-            words.append(f"({next(rest)}")
+        elif issubclass(kind, tuple):  # records may have the same fields in another order
+            words.append(f"({kind.__module__}.{kind.__qualname__}:{next(rest)}")
         elif issubclass(kind, Blocks):
             words.append(f"{kind.__name__}:{next(rest)}")
         else:
@@ -164,6 +164,8 @@ _HEAD = object.__basicsize__
 
 def _reads_arrays() -> bool:
     """Return whether the fields of an array are where libraries read them."""
+    if sys.implementation.name != "cpython" or ctypes.sizeof(ctypes.c_void_p) != 8:
+        return False
     array = np.zeros((2, 3))[:, 1:]
     fields = (ctypes.c_int64 * 4).from_address(id(array) + _HEAD)
     numbers = ctypes.c_int64 * 2
@@ -185,6 +187,7 @@ class Library:
         for name, value in (("interface", INTERFACE), ("system", system()), ("sources", sources())):
             if table.get(name) != value:
                 raise OSError(f"{name} {table.get(name)} of {folder} instead of {value}")
+        self.names = [name for _, name, _ in table["files"]]
         for least, name, digest in table["files"]:
             file = folder / name
             if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
@@ -202,9 +205,9 @@ class Library:
         try:
             text = signature(kinds)
             symbol, result, held = self._codes[kernel][text]
-        except KeyError:
+            function = getattr(self._held if held else self._released, symbol)
+        except (KeyError, AttributeError):
             return None
-        function = getattr(self._held if held else self._released, symbol)
         return Code(function, text, result)
 
 
@@ -213,17 +216,32 @@ def system() -> str:
     return f"{sys.platform}-{platform.machine().lower()}"
 
 
+#: Why there is no library: the first reason, or nothing.
+_reasons: list[str] = []
+
+
 @functools.cache
 def loaded() -> Library | None:
     """Return the library of the installation, or of the user's cache; None without one."""
+    _reasons.clear()
     if CHOICE == "compile" or not _reads_arrays():
+        _reasons.append("libraries of kernels are not used here")
         return None
     for folder in _folders():
         try:
             return Library(folder)
-        except (OSError, ValueError, KeyError):
+        except FileNotFoundError:
             continue
+        except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+            _reasons.append(f"the library in {folder} does not fit: {error}")
     return None
+
+
+def reason() -> str:
+    """Return why a kernel is not in the library."""
+    if loaded() is not None:
+        return "the library does not contain it"
+    return _reasons[0] if _reasons else "there is no library"
 
 
 def _folders() -> Iterator[Path]:
