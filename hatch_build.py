@@ -27,6 +27,8 @@ class KernelLibrary(BuildHookInterface):
     processors of the family, names the wheel so, and raises an error if that fails.
     """
 
+    _folder: tempfile.TemporaryDirectory[str] | None = None
+
     def dependencies(self) -> list[str]:
         """Return what the compilation needs: the package runs small examples of each feature."""
         if os.environ.get("FLEXARM_BUILD") == "pure":
@@ -53,6 +55,11 @@ class KernelLibrary(BuildHookInterface):
         build_data["pure_python"] = False
         # ctypes loads the library, so that one wheel serves all versions of Python.
         build_data["tag"] = f"py3-none-{_platform(wish)}"
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove the temporary folder when the wheel is written."""
+        if self._folder is not None:
+            self._folder.cleanup()
 
     def _compile(self, every: bool) -> str:
         """Compile into a temporary folder; return why that failed, or nothing."""

@@ -6,6 +6,7 @@ Nothing is downloaded. The wheel is built without isolation, by the build backen
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 import subprocess
@@ -14,6 +15,7 @@ import sysconfig
 import zipfile
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -77,6 +79,30 @@ def test_wheel_contains_the_package_only(wheel: Path) -> None:
     assert {"METADATA", "WHEEL", "entry_points.txt", "LICENSE"} <= {
         name.rpartition("/")[2] for name in information
     }
+
+
+def test_isolated_build_keeps_the_packages_that_pip_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("hatchling")
+    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    hook = object.__new__(module.KernelLibrary)
+    monkeypatch.setattr(module.KernelLibrary, "root", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", "overlay")
+    seen: list[str] = []
+
+    def started(command: list[str], env: dict[str, str], **more: object) -> SimpleNamespace:
+        seen.append(env["PYTHONPATH"])
+        return SimpleNamespace(returncode=0, stderr="")
+
+    monkeypatch.setattr(module.subprocess, "run", started)
+    assert hook._compile(every=False) == ""
+    hook.finalize("standard", {}, "")
+    assert seen == [os.pathsep.join([str(tmp_path / "src"), "overlay"])]
 
 
 def test_wheel_is_for_every_python_of_one_platform(wheel: Path) -> None:

@@ -91,6 +91,20 @@ def test_numbers_in_records_are_noticed():
     np.testing.assert_array_equal(out, [4.0, 8.0])
 
 
+@pytest.mark.compiled
+def test_entry_after_an_error_starts_again():
+    """Words of arguments that no longer exist must never be used."""
+    entry, out = Entry(scaled), np.zeros(2)
+    entry((np.array([1.0, 2.0]), 2.0), out, 1)
+    for wrong in ("a text", 2**70):
+        with pytest.raises(Exception, match=r".+"):
+            entry((np.array([1.0, 2.0]), 2.0), out, wrong)
+        with pytest.raises(Exception, match=r".+"):
+            entry((np.array([1.0, 2.0]), 2.0), out, wrong)
+    entry((np.array([1.0, 2.0]), 3.0), out, 1)
+    np.testing.assert_array_equal(out, [3.0, 6.0])
+
+
 def test_copies_and_pickles_have_their_own_entry_points():
     entry = Entry(inverse_dynamics)
     given = arguments(arm_of(2))

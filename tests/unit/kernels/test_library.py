@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -99,6 +100,19 @@ def changed(folder, **values):
     path.write_text(json.dumps({**table, **values}), encoding="utf-8")
 
 
+@pytest.mark.parametrize("content", ["[]", "{}", "no JSON", '{"files": null}'])
+def test_table_that_is_none_leads_to_no_library(folder, monkeypatch, content):
+    (folder / library.TABLE).write_text(content, encoding="utf-8")
+    monkeypatch.setattr(library, "_folders", lambda: iter([folder]))
+    library.loaded.cache_clear()
+    try:
+        assert library.loaded() is None
+        assert str(folder) in library.reason()
+    finally:
+        monkeypatch.undo()
+        library.loaded.cache_clear()
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [("interface", library.INTERFACE + 1), ("sources", "of another version"), ("system", "cp/m")],
@@ -153,6 +167,20 @@ def test_without_a_fitting_library_there_is_none(folder, monkeypatch):
         library.loaded.cache_clear()
 
 
+@pytest.mark.skipif(shutil.which("nm") is None, reason="needs nm of the binutils")
+def test_library_refers_to_functions_of_mathematics_alone():
+    listed = subprocess.run(
+        ["nm", "-D", "--undefined-only", library.loaded().file],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    names = {line.split()[-1].partition("@")[0] for line in listed.stdout.splitlines()}
+    mathematics = {"atan2", "ceil", "exp", "floor", "hypot", "log", "pow", "rint", "sincos"}
+    assert "exp" in names
+    assert names - mathematics - {"memcpy", "memset"} == set()
+
+
 def text(*arguments):
     """Return the signature of arguments."""
     kinds, words = [], []
@@ -173,3 +201,45 @@ def test_signature_tells_types_axes_and_memory_layout_apart():
     assert text(np.zeros(2, dtype=">f8")) == ">f8:1C"
     with pytest.raises(KeyError):
         text("a text")
+
+
+class Forward(NamedTuple):
+    x: float
+    y: float
+
+
+class Backward(NamedTuple):
+    y: float
+    x: float
+
+
+def test_signature_tells_records_with_the_same_fields_apart():
+    assert text(Forward(1.0, 2.0)) != text(Backward(1.0, 2.0)) != text((1.0, 2.0))
+
+
+MISSING = """
+import sys
+from flexarm.kernels.compilation.cache import compiled
+
+@compiled
+def half(x):
+    return 0.5 * x
+
+try:
+    half(1.0)
+except Exception as error:
+    print(type(error).__name__, error)
+"""
+
+
+def test_kernel_without_machine_code_says_why_and_what_to_install():
+    done = subprocess.run(
+        [sys.executable, "-c", MISSING],
+        env={**os.environ, "FLEXARM_KERNELS": "library"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.startswith("InputError the kernel __main__.half has no machine code")
+    assert "the library does not contain it" in done.stdout
+    assert "FLEXARM_KERNELS=library forbids to compile it" in done.stdout
