@@ -176,10 +176,11 @@ def _differentiate() -> None:
 
 #: Calls by name. The longest come first, so that all processes finish at about the same time.
 FEATURES: dict[str, Callable[[], None]] = {
+    "derivatives of runs": _differentiate,
+    "batches": _batch,
     "forward dynamics and derivatives": _dynamics,
     "simulate": _simulate,
     **{f"integrator {name}": partial(_integrate, name) for name in INTEGRATORS},
-    "derivatives of runs": _differentiate,
     "force control": _force_control,
     "state estimation": _estimate,
     "tip inversion": _invert,
@@ -192,7 +193,6 @@ FEATURES: dict[str, Callable[[], None]] = {
     "mechanisms": _mechanism,
     "sensors and contacts in linear models": _sense,
     "prescribed joints": lambda: _started(prescribed={1: fa.PrescribedAngle.hold(0.4)}),
-    "batches": _batch,
 }
 
 
