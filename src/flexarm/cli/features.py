@@ -167,16 +167,23 @@ def _batch() -> None:
         fa.simulate_batch(_arm(), 0.01, parameters=heavier, integrator=integrator, progress=False)
 
 
-def _differentiate() -> None:
-    for name in ("auto", "kennedy_carpenter_5"):  # the others are rare, and compile as slowly
-        fa.sensitivities(_arm(), 0.002, ["payload.inertia"], integrator=name)
-        weights = {"tip": [[0.0, 0.0]] * 3}
-        fa.goal_gradient(_arm(), 0.002, weights, torque=[[0.1, 0.0]] * 3, integrator=name)
+def _sensitivities(integrator: str) -> None:
+    fa.sensitivities(_arm(), 0.002, ["payload.inertia"], integrator=integrator)
+
+
+def _gradient(integrator: str) -> None:
+    weights, torque = {"tip": [[0.0, 0.0]] * 3}, [[0.1, 0.0]] * 3
+    fa.goal_gradient(_arm(), 0.002, weights, torque=torque, integrator=integrator)
 
 
 #: Calls by name. The longest come first, so that all processes finish at about the same time.
 FEATURES: dict[str, Callable[[], None]] = {
-    "derivatives of runs": _differentiate,
+    # Of two integrators: the others are rare, and compile as slowly.
+    **{
+        f"{what.__name__.strip('_')} of runs, {name}": partial(what, name)
+        for name in ("kennedy_carpenter_5", "auto")
+        for what in (_sensitivities, _gradient)
+    },
     "batches": _batch,
     "forward dynamics and derivatives": _dynamics,
     "simulate": _simulate,
