@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from flexarm.kernels.compilation import library
+from flexarm.kernels.compilation import library, private_folder
 from flexarm.kernels.compilation.packs import Packs
 
 pytestmark = pytest.mark.compiled
@@ -165,6 +165,43 @@ def test_without_a_fitting_library_there_is_none(folder, monkeypatch):
     finally:
         monkeypatch.undo()
         library.loaded.cache_clear()
+
+
+def test_library_of_a_read_only_installation_needs_no_cache(folder, monkeypatch):
+    folder.chmod(0o555)
+    monkeypatch.setattr(library, "INSTALLED", folder)
+    monkeypatch.setattr(library, "cache_folder", lambda: None)
+    library.loaded.cache_clear()
+    try:
+        assert library.loaded().folder == folder
+    finally:
+        folder.chmod(0o755)
+        monkeypatch.undo()
+        library.loaded.cache_clear()
+
+
+LOADED = """
+from flexarm.kernels.compilation import library, private_folder
+print(library.loaded().folder.name)
+"""
+
+
+def test_libraries_of_two_versions_lie_side_by_side(folder, tmp_path_factory):
+    cache, ours = tmp_path_factory.mktemp("cache"), library.loaded().folder.name
+    for name in ("kernels-of-another-version", f"kernels-{private_folder.sources()}"):
+        (cache / name).mkdir(mode=0o700)
+        for path in folder.iterdir():
+            shutil.copy(path, cache / name / path.name)
+    changed(cache / "kernels-of-another-version", sources="of-another-version")
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED],
+        env={**os.environ, "FLEXARM_CACHE": str(cache)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    expected = ours if ours == "machine_code" else f"kernels-{private_folder.sources()}"
+    assert done.stdout.strip() == expected
 
 
 @pytest.mark.skipif(shutil.which("nm") is None, reason="needs nm of the binutils")
