@@ -49,3 +49,15 @@ def test_little_remaining_work_causes_no_compilation(compiled, monkeypatch):
     monkeypatch.setattr(stepping, "_TRIED", 1000.0)
     swing(60.0)
     assert compiled == []
+
+
+def test_specialized_without_numba_says_so(monkeypatch):
+    monkeypatch.setattr(stepping, "can_compile", lambda: False)
+    monkeypatch.setattr(stepping, "INTERPRETED", False)
+    arm = fa.Arm(links=[fa.Link(length=1.0, flexible=False, mass_per_length=1.0)])
+    with pytest.raises(fa.InputError) as raised:
+        fa.simulate(arm, 0.01, specialized=True)
+    assert str(raised.value) == (
+        "simulate: specialized needs Numba, which is not installed. pip install 'flexarm[jit]' "
+        "brings it; without specialized, no run needs it."
+    )

@@ -103,8 +103,8 @@ class RunSettings:
             1e-7 where no accuracy applies, and ``rtol / 100`` of the reach.
         torque_interpolation: of torque samples, "cubic", "linear" or "hold".
         breaks: times (s) at which a function of time jumps or has a kink.
-        specialized: True compiles the hot loop for the sizes of the arm; None does so in the
-            middle of a long run.
+        specialized: True compiles the hot loop for the sizes of the arm, with Numba; None does so
+            in the middle of a long run, if Numba is installed.
         progress: True or False shows or hides the progress bar; None shows it on a terminal.
 
     Raises:

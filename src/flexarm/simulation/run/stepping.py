@@ -14,7 +14,7 @@ from flexarm.arm.actions import EMPTY, Environment, loads_inboard
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import cuts_at
-from flexarm.base.errors import FlexarmWarning, SimulationError
+from flexarm.base.errors import FlexarmWarning, InputError, Problem, SimulationError
 from flexarm.integrate.base import (
     Drive,
     FloatArray,
@@ -25,7 +25,7 @@ from flexarm.integrate.base import (
     Tolerance,
 )
 from flexarm.integrate.reactions import reactions_many, section_forces_many
-from flexarm.kernels.compilation.cache import can_compile
+from flexarm.kernels.compilation.cache import INTERPRETED, can_compile
 from flexarm.kernels.layout import compile_time_sizes
 from flexarm.simulation.histories.loads import LoadHistory, constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
@@ -125,6 +125,9 @@ def system_of(
         loads.factors.coefficients,
     )
     kernels = KernelView(constants)
+    if specialized and not INTERPRETED and not can_compile():
+        hint = "pip install 'flexarm[jit]' brings it; without specialized, no run needs it."
+        raise InputError(Problem("specialized", "needs Numba, which is not installed", hint=hint))
     sizes = compile_time_sizes(constants) if specialized else kernels.sizes
     return System(sizes, constants, drive, kernels.work)
 
