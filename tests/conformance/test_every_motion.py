@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from closed_mechanisms import five_bar, four_bar
 from flexarm.cases.scenario.references import MOTION_FUNCTIONS, motion_of
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.model import Scenario
@@ -33,6 +34,23 @@ def line():
 def long_line():
     three = fa.Arm(links=[fa.Link(length=0.7, elements=1, **ROD)] * 3)
     return fa.line_motion(three, (1.2, 0.8), (0.8, 1.2), 1.0, profile="trapezoidal")
+
+
+@cache
+def driven_crank():
+    closed = four_bar()
+    return fa.joint_motion(
+        fa.Arm(**closed.fields), closed.joints, closed.joints + 1.0, 0.9, driven=[1]
+    )
+
+
+@cache
+def line_of_a_five_bar():
+    closed = five_bar()
+    arm = fa.Arm(**closed.fields)
+    x, y, *_ = arm.tip(fa.assembled(arm, arm.rest(closed.joints)).q)
+    end = [float(x) + 0.05, float(y) + 0.03]
+    return fa.line_motion(arm, [float(x), float(y)], end, 0.9, posture=closed.joints)
 
 
 @cache
@@ -112,6 +130,8 @@ MOTIONS = {
     "optimal": optimal,
     "inversion": lambda: inversion().reference,
     "sampled": lambda: joints("trapezoidal").sampled(300.0),
+    "driven crank": driven_crank,
+    "line of a five-bar": line_of_a_five_bar,
     "of a file": lambda: motion_of_file(motion={**PATH, "smoothing": {"duration": 0.1}}),
 }
 PRESSED = {

@@ -196,7 +196,7 @@ def load(needed: list[Reference]) -> None:
     """
     for one in needed:
         if one.symbol not in _apart:
-            kernel = getattr(import_module(one.module), one.name)
+            kernel = getattr(import_module(one.module), one.name).dispatcher
             kernel.compile(one.signature.args)
             set_apart(kernel.py_func, kernel.overloads[one.signature.args], one.symbol)
         if _apart[one.symbol] != one:
