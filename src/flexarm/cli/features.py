@@ -142,8 +142,8 @@ def _mechanism() -> None:
 
 def _sense() -> None:
     sensors = [fa.Sensor("acceleration", 2), fa.Sensor("velocity", 2)]
-    pressed = fa.Arm(_arm().spec.model_copy(update={"gravity": (0.0, -9.81)}))
-    fa.linearize(pressed, fa.equilibrium(pressed, _START, contacts=[_floor()]))
+    falling = fa.Arm(_arm().spec.model_copy(update={"gravity": (0.0, -9.81)}))
+    fa.linearize(falling, fa.equilibrium(falling, _START, contacts=[_floor()]))
     held = fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=_SAMPLE_TIME)
     felt = fa.Hardware(
         [

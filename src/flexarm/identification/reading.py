@@ -240,8 +240,8 @@ def _uniform(
             good = np.isfinite(values)
             uniform = np.linspace(times[0], times[-1], times.size)
             filled = np.interp(uniform, times[good], values[good])
-            given = (times.size - 1) / (times[-1] - times[0])
-            smooth = record.without_phase(filled, _ANTI_ALIAS * rate, given, 4)
+            rate_of_record = (times.size - 1) / (times[-1] - times[0])
+            smooth = record.without_phase(filled, _ANTI_ALIAS * rate, rate_of_record, 4)
             values = np.where(good, np.interp(times, uniform, smooth), np.nan)
         resampled[label] = _interpolated(grid, times, values, typical)
     return grid - times[0], resampled
@@ -410,8 +410,8 @@ def _netcdf(path: Path) -> _Table:
             for dimension in array.dims[1:]:
                 index: Any = array[dimension].values if dimension in array.coords else []
                 numbered = len(index) == 0 or dimension == "gauge"
-                own = range(1, array.sizes[dimension] + 1) if numbered else index
-                labels = [f"{label}_{item}" for label in labels for item in own]
+                labels_here = range(1, array.sizes[dimension] + 1) if numbered else index
+                labels = [f"{label}_{item}" for label in labels for item in labels_here]
             for label, column in zip(labels, rows.T, strict=True):
                 columns[f"{name}{label} [{unit}]" if unit else f"{name}{label}"] = column
     return columns

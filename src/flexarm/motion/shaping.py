@@ -270,16 +270,16 @@ class ShapedMotion(DerivedMotion):
         finite = np.isfinite(times)
         phase = self.clock.phase(np.where(finite, times, 0.0))
         for k, share in enumerate(self.amplitudes[1:], start=1):
-            own = np.where(finite, self.clock.time(phase - self.phases[k]), times)
+            original = np.where(finite, self.clock.time(phase - self.phases[k]), times)
             breaks, images = np.array(self.motion.breaks), self._images[k]
             piece = np.searchsorted(images, times, side="right")
             least = np.concatenate([[-np.inf], breaks])[piece]
             most = np.concatenate([np.nextafter(breaks, -np.inf), [np.inf]])[piece]
-            own = np.clip(own, least, most)
-            then = self.clock.rate(own)
+            original = np.clip(original, least, most)
+            then = self.clock.rate(original)
             speed = now / then
-            bend = (slope - self.clock.rate(own, 1) * speed**2) / then
-            state = self.motion.at(own)
+            bend = (slope - self.clock.rate(original, 1) * speed**2) / then
+            state = self.motion.at(original)
             total[0] += share * state.angle
             total[1] += share * state.rate * speed[:, None]
             bent = state.acceleration * speed[:, None] ** 2

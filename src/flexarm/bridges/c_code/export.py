@@ -81,10 +81,10 @@ def export_c(
     problems = []
     for existing in files:
         try:
-            own = not os.path.lexists(existing) or _MARK in existing.read_bytes()
+            replaceable = not os.path.lexists(existing) or _MARK in existing.read_bytes()
         except OSError:  # a folder, or not readable
-            own = False
-        if not own:
+            replaceable = False
+        if not replaceable:
             hint = "It is not from an earlier export. Use another folder or name."
             problems.append(Problem(shown(str(existing)), "already exists", hint=hint))
     if problems:

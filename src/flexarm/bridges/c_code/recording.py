@@ -446,8 +446,8 @@ def program(export: Exported, recording: Recording) -> str:
 def _call(export: Exported, test: str, step: float) -> str:
     """Return a function that calls an exported one with the arguments of sample k."""
     parts = {"controller": export.controller, "observer": export.observer}
-    part = parts.get(test)
-    functions = part.functions if part else [f for f in export.functions if f.name == test]
+    program = parts.get(test)
+    functions = program.functions if program else [f for f in export.functions if f.name == test]
     expressions = {"parameters": "NULL", "step": repr(step)}
     if test.startswith("step"):  # steps are recorded without a force
         expressions["tip_force"] = "NULL"

@@ -347,12 +347,15 @@ def _mjcf(chain: RigidChain, masses: list[Body], name: str) -> str:
         if body.joint is None:
             parent.set("euler", f"0 0 {body.angle!r}")
         else:
-            given = {"name": str(body.joint), "type": "hinge", "axis": "0 0 1"}
+            attributes = {"name": str(body.joint), "type": "hinge", "axis": "0 0 1"}
             if body.stiffness:
-                given |= {"stiffness": repr(body.stiffness), "springref": repr(body.rest_angle)}
+                attributes |= {
+                    "stiffness": repr(body.stiffness),
+                    "springref": repr(body.rest_angle),
+                }
             if body.damping:
-                given["damping"] = repr(body.damping)
-            SubElement(parent, "joint", given)
+                attributes["damping"] = repr(body.damping)
+            SubElement(parent, "joint", attributes)
             if body.joint.startswith("joint"):
                 SubElement(actuators, "motor", name=body.joint, joint=body.joint)
                 SubElement(sensors, "jointpos", name=f"{body.joint}_angle", joint=body.joint)

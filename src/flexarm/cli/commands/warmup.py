@@ -32,13 +32,13 @@ def warmup(
     from flexarm.kernels.compilation.private_folder import cache_folder
 
     screen = console()
-    known = None if every else library.loaded()
-    if known is not None:
+    present = None if every else library.loaded()
+    if present is not None:
         if into is not None:
             into.mkdir(parents=True, exist_ok=True)
-            for name in (library.TABLE, *known.names):
-                shutil.copy(known.folder / name, into / name)
-        screen.print(f"The library of kernels is in {known.folder}.")
+            for name in (library.TABLE, *present.names):
+                shutil.copy(present.folder / name, into / name)
+        screen.print(f"The library of kernels is in {present.folder}.")
         return
     folder = into or cache_folder()
     if folder is None:

@@ -328,15 +328,15 @@ def declares(controller: object, name: str) -> bool:
 
     It is not, if a base class has the attribute and a derived class overrides the law.
     """
-    own = name in getattr(controller, "__dict__", {})
-    of_law = own or _first_defined(controller, name, "update", "step") in (name, "")
+    on_object = name in getattr(controller, "__dict__", {})
+    of_law = on_object or _first_defined(controller, name, "update", "step") in (name, "")
     return of_law and bool(getattr(controller, name, False))
 
 
 def _steps(controller: Controller) -> bool:
     """Return whether no class overrides ``update`` after ``step``."""
-    own = "update" in vars(controller)
-    return not own and _first_defined(controller, "update", "step") == "step"
+    on_object = "update" in vars(controller)
+    return not on_object and _first_defined(controller, "update", "step") == "step"
 
 
 def _first_defined(controller: object, *names: str) -> str:

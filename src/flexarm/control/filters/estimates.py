@@ -259,13 +259,13 @@ class Estimates(NamedTuple):
         true = [check_array(n, v, self.q.shape) for n, v in (("q", q), ("qd", qd))]
         mass = check_nonnegative("payload_mass", payload_mass)
         numbers = {} if parameters is None else parameters
-        given = check_mapping("parameters", numbers, "paths and numbers")
-        if set(given) != set(self.parameters):
+        true_parameters = check_mapping("parameters", numbers, "paths and numbers")
+        if set(true_parameters) != set(self.parameters):
             rule = f"have the estimated paths {', '.join(self.parameters) or '(none)'}"
-            raise InputError(Problem("parameters", rule, shown(list(given))))
+            raise InputError(Problem("parameters", rule, shown(list(true_parameters))))
         missed = [true[0] - self.q, true[1] - self.qd]
         for path, values in self.parameters.items():
-            number = check_number(f"parameters[{path!r}]", given[path])
+            number = check_number(f"parameters[{path!r}]", true_parameters[path])
             missed.append((number - values)[:, None])
         joints = self.disturbance.shape[1]
         disturbance = np.zeros(joints) if disturbance is None else disturbance

@@ -181,8 +181,8 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         first = () if self.nominal is not None else ("joint_angle",)
-        own = self.design_requirements
-        read = tuple(dict.fromkeys([*first, *own.measured, *own.integrated]))
+        requirements = self.design_requirements
+        read = tuple(dict.fromkeys([*first, *requirements.measured, *requirements.integrated]))
         gauges = len(self.arm.gauges) if "strain" in read else None
         return ControllerRequirements(self.arm.joints, read, gauges)
 
@@ -495,10 +495,10 @@ class Composite(CompositeParameters, LQG):
         price = np.diag(self.design_requirements.acceptable_torque**-2.0)
         weighed = rows.T @ rows
         stiffness, energy = bending(arm, model, self.design_requirements.acceptable_torque)
-        own = self.design_requirements
-        weighed[:k, :k] += bend_weight(own.rigidity_uncertainty, stiffness, energy)
+        requirements = self.design_requirements
+        weighed[:k, :k] += bend_weight(requirements.rigidity_uncertainty, stiffness, energy)
         sizes = coordinate_sizes(arm)
-        sizes = np.append(sizes, own.rate * sizes)
+        sizes = np.append(sizes, requirements.rate * sizes)
         gain, cost = regulator(A, B, weighed, price, sizes[moved])
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)

@@ -254,9 +254,9 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
         search = self._frequencies(plant), self.iterations, self.scaling_order
         band = 0.1 * float(np.min(np.asarray(self.bandwidth))), 0.5 / self.sample_time
         start = coprime_controller(*plant.nominal, 1.1)[:4]
-        found = dk_iteration(plant.whole, plant.blocks, *search, band, _SUBOPTIMALITY, start)
-        self.mu, self.gamma, self.history = found.mu, found.gamma, found.history
-        A, B, C, D = found[:4]
+        synthesis = dk_iteration(plant.whole, plant.blocks, *search, band, _SUBOPTIMALITY, start)
+        self.mu, self.gamma, self.history = synthesis.mu, synthesis.gamma, synthesis.history
+        A, B, C, D = synthesis[:4]
         whole = A, B @ plant.shown, plant.root @ C, plant.root @ D @ plant.shown
         sampled = cont2discrete(whole, self.sample_time, method="bilinear")[:4]
         self.A, self.B, self.C, self.D = sampled

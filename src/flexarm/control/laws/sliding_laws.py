@@ -66,13 +66,15 @@ class SlidingVariable:
         self._fed = bool(np.any(self.strain_gain > 0.0))
         for joint in np.flatnonzero(self.strain_gain > 0.0).tolist():  # the gauge nearest the root
             link = arm.joint_numbers[joint] - 1
-            own = [(station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d]
-            if not own:
+            gauges = [
+                (station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d
+            ]
+            if not gauges:
                 rule = f"be 0 at joint {link + 1} (its link has no gauge off the neutral axis)"
                 value = shown(float(self.strain_gain[joint]))
                 raise InputError(Problem("strain_gain", rule, value))
-            self._gauge[joint] = min(own)[1]
-            self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(own)[1]][2]
+            self._gauge[joint] = min(gauges)[1]
+            self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(gauges)[1]][2]
         self.reset(1.0)
 
     def requirements(self, arm: Arm) -> ControllerRequirements:

@@ -409,8 +409,8 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         """See ``Controller.initial_memory``; ``unfelt`` is the time since a force was felt, s."""
         friction = {"friction": inputs["reference_friction"], "friction_rate": 0.0}
-        own = {"estimate": np.zeros(self._terms), **friction, "unfelt": self._released}
-        return {**super().initial_memory(readings, inputs), **own}
+        memory = {"estimate": np.zeros(self._terms), **friction, "unfelt": self._released}
+        return {**super().initial_memory(readings, inputs), **memory}
 
     def _request(self, memory: Arrays, inputs: Arrays) -> TaskReference:
         """Return the request for the estimated friction, between those of both references."""

@@ -92,8 +92,8 @@ def advance_explicit(
             close_step(system, system.constants, memory)
         if alone:
             keep_momentum(system, memory, new)
-        known = last > s and not alone and len(sizes.closures) == 0
-        status = judge_end(system, tolerance, memory, stages, s, t, t_new, h, adaptive, known)
+        seen = last > s and not alone and len(sizes.closures) == 0
+        status = judge_end(system, tolerance, memory, stages, s, t, t_new, h, adaptive, seen)
         if status == PAUSED:
             continue
         if status != DONE:

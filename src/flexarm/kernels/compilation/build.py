@@ -23,13 +23,13 @@ import llvmlite.binding as llvm
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.registry import cpu_target
 
 from flexarm.base.errors import InputError, Problem
 from flexarm.base.writing.replace_file import replace_file
 from flexarm.kernels.compilation import code_library, jit
 from flexarm.kernels.compilation.code_cache import CodeCache
 from flexarm.kernels.compilation.library import INTERFACE, TABLE, system
+from flexarm.kernels.compilation.numba_internals import cpu_target
 from flexarm.kernels.compilation.number_types import BlocksType
 from flexarm.kernels.compilation.private_folder import sources
 
@@ -105,15 +105,16 @@ def _symbol(module: str, name: str, signature: Any) -> str:
     return f"flexarm_{name}_{hashlib.sha256(key).hexdigest()[:12]}"
 
 
-def _own_symbol(function: Any, version: Any) -> str:
+def _symbol_of(function: Any, version: Any) -> str:
     return _symbol(function.__module__, function.__qualname__, version.signature)
 
 
 def _standalone(function: Any, version: Any) -> Any:
     """Return a compiled kernel in LLVM's language, without Numba's entry points for Python."""
     module = code_library.module_of(version)
-    names = {one.symbol: _symbol(*one[1:]) for one in code_library.references(version, module)}
-    names[version.fndesc.llvm_func_name] = _own_symbol(function, version)
+    others = code_library.references(version, module)
+    names = {reference.symbol: _symbol(*reference[1:]) for reference in others}
+    names[version.fndesc.llvm_func_name] = _symbol_of(function, version)
     for function in module.functions:
         if function.name in names:
             function.name = names[function.name]
@@ -180,15 +181,14 @@ def _entry(call: Call) -> Any:
     It returns 0, or 1 if the kernel raised an exception; then the word of the result, if any.
     """
     context, version = cpu_target.target_context, call.version
-    symbol = _own_symbol(call.kernel.py_func, version)
+    symbol = _symbol_of(call.kernel.py_func, version)
     returned, kinds = version.signature.return_type, version.signature.args
     result = _INT if returned == types.none else ir.LiteralStructType([_INT, _INT])
     module = ir.Module(f"entry_{symbol}")
     function = ir.Function(module, ir.FunctionType(result, [_INT.as_pointer()]), f"entry_{symbol}")
     builder = ir.IRBuilder(function.append_basic_block())
-    values = [
-        _argument(builder, kind, function.args[0], place) for place in [[1]] for kind in kinds
-    ]
+    place = [1]  # behind the size of an object's head
+    values = [_argument(builder, kind, function.args[0], place) for kind in kinds]
     convention = context.call_conv.get_function_type(returned, kinds)
     callee = ir.Function(module, convention, symbol)
     status, value = context.call_conv.call_function(builder, callee, returned, kinds, values)
@@ -215,13 +215,11 @@ def export(folder: Path, every: bool = False) -> None:
     llvm.initialize_native_asmprinter()
     while CodeCache.compiled:
         function, version = CodeCache.compiled.pop()
-        _emit(
-            _own_symbol(function, version), partial(_standalone, function, version), folder, every
-        )
+        _emit(_symbol_of(function, version), partial(_standalone, function, version), folder, every)
     while jit.calls:
         call = Call(*jit.calls.pop())
         returned = call.version.signature.return_type
-        symbol = f"entry_{_own_symbol(call.kernel.py_func, call.version)}"
+        symbol = f"entry_{_symbol_of(call.kernel.py_func, call.version)}"
         _emit(symbol, partial(_entry, call), folder, every)
         name = f"{call.kernel.__module__}.{call.kernel.__qualname__}"
         held = not call.kernel.options.get("nogil")
@@ -282,13 +280,11 @@ def _link(objects: Path, file: Path) -> None:
     (objects / "processor.c").write_text(_PROCESSOR, encoding="utf-8")
     names = "\n".join(path.name for path in sorted(objects.glob("*.o")))
     (objects / "objects").write_text(names, encoding="utf-8")
-    options = ["-O2", "-shared", "-fPIC", "-nostdlib", "-Wl,--strip-all", "-Wl,--gc-sections"]
+    options = ["-shared", "-fPIC", "-nostdlib", "-lgcc", "-Wl,--strip-all"]
     if sys.platform == "darwin":
-        options = ["-O2", "-dynamiclib", "-undefined", "dynamic_lookup", "-Wl,-dead_strip"]
+        options = ["-dynamiclib", "-undefined", "dynamic_lookup"]
     scratch = objects / file.name  # a process that has the old file open keeps it
-    command = [compiler, *options, "processor.c", "@objects", "-lgcc", "-o", str(scratch)]
-    if sys.platform == "darwin":
-        command.remove("-lgcc")
+    command = [compiler, "-O2", "processor.c", "@objects", *options, "-o", str(scratch)]
     done = subprocess.run(command, cwd=objects, capture_output=True, text=True, check=False)
     if done.returncode:
         raise OSError(done.stderr.strip())

@@ -124,9 +124,9 @@ class Kernel:
         if self.inside:
             name = f"{self.__name__} is compiled for other kernels alone"
             raise TypeError(f"{name}; see kernels.compilation.cache.apart")
-        known = library.loaded()
+        kernels = library.loaded()
         name = f"{self.__module__}.{self.__qualname__}"
-        code = known.code(name, kinds) if known else None
+        code = kernels.code(name, kinds) if kernels else None
         self._codes[kinds] = code or _compiler(name).code(self, kinds, arguments)
         return self._codes[kinds]
 

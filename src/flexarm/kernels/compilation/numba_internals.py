@@ -8,6 +8,8 @@
   `code_library` | Numba links a kernel into each of its callers |
 | ``Conversion``, ``AbstractTemplate``, ``infer_global`` | packs and dual numbers | batches execute
   run by run, and runs have no derivatives |
+| ``cpu_target`` | a library of kernels, functions that kernels refer to | kernels compile one by
+  one; packs and dual numbers do not |
 | ``CPUTargetOptions`` | kernels without reference counting | slower kernels |
 
 Other files use what is documented for authors of extensions: ``numba.extending``,
@@ -45,6 +47,7 @@ if infer_global is None:
 CompileResult = _private("compiler", "CompileResult")
 dumps = _private("serialize", "dumps")
 CPUTargetOptions = _private("cpu", "CPUTargetOptions")
+cpu_target = _private("registry", "cpu_target")
 
 #: Whether packs and dual numbers can be types of numbers in kernels.
 HAS_NUMBER_TYPES = None not in (Conversion, AbstractTemplate, infer_global)
@@ -118,4 +121,4 @@ def declare(function: Any, count: int, number: Any, others: Any, result: Any) ->
 
 def type_of_constant(value: Any) -> Any:
     """Return the type of a function for Numba that a kernel refers to."""
-    return _private("registry", "cpu_target").typing_context.resolve_value_type(value)
+    return cpu_target.typing_context.resolve_value_type(value)

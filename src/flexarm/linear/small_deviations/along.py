@@ -432,8 +432,8 @@ def held_step_maps(
     """
     count = len(q)
     for first in range(0, count - 1, _CHUNK):
-        part = slice(first, min(first + _CHUNK, count - 1))
-        by_state, by_force = _step_maps(arm, step, q, qd, part)
+        block = slice(first, min(first + _CHUNK, count - 1))
+        by_state, by_force = _step_maps(arm, step, q, qd, block)
         yield first, by_state, by_force.sum(axis=2)
 
 

@@ -140,8 +140,8 @@ def stepper_of(arm: Arm, method: str, h: float) -> Callable[..., FloatArray]:
     if kind is not None and issubclass(kind, Additive):
         return partial(_additive_step, arm, kernels, kind.tableau, h)
     kinds = ExplicitRungeKutta, Additive
-    known = [name for name, k in INTEGRATORS.items() if issubclass(k, kinds)]
-    rule = f"be one of {', '.join(map(repr, known))}"
+    names = [name for name, k in INTEGRATORS.items() if issubclass(k, kinds)]
+    rule = f"be one of {', '.join(map(repr, names))}"
     hint = ""
     if isinstance(method, str) and method in REMOVED:
         hint = f"It was removed; use {REMOVED[method]!r}."

@@ -340,8 +340,8 @@ def nearest_posture(
     pulled, miss = damped_least_squares(lengths, point, posture)
     arrived = miss <= _ARRIVED * float(np.sum(lengths))
     starts = [pulled, *starts] if arrived else starts
-    found = [_descent(lengths, point, posture, q) for q in starts]
-    return min(found, key=lambda q: float(np.sum((q - posture) ** 2)))
+    minima = [_descent(lengths, point, posture, q) for q in starts]
+    return min(minima, key=lambda q: float(np.sum((q - posture) ** 2)))
 
 
 def _descent(

@@ -77,8 +77,8 @@ class Bench:
             value = self._options.get(name)
             if value is not None and plant is not None and plant.dof != self.arm.dof:
                 # Coordinates of the bending differ, so the links of the model start straight.
-                given = check_array(name, value, (plant.dof,))
-                value = self.arm.rest(given[plant.joint_index])
+                coordinates = check_array(name, value, (plant.dof,))
+                value = self.arm.rest(coordinates[plant.joint_index])
             start[name] = value
         result = self._simulate(controller, None, None, start)
         tip, angle = _lifted_model(self.arm, controller, self.reference, result, self.window)

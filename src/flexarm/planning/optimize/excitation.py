@@ -160,13 +160,13 @@ def optimal_excitation(
         if not values[0] > _SINGULAR * values[-1]:
             rule = "contain a combination of parameters that the record does not determine"
             raise InputError(Problem("free", rule, hint=" ".join(initial.undetermined)))
-        found = experiment.largest(_search(experiment, begin, iterations))
-        best = experiment.identifiability(experiment.run(found))
+        motion = experiment.largest(_search(experiment, begin, iterations))
+        best = experiment.identifiability(experiment.run(motion))
         if best.log_determinant < initial.log_determinant:
-            found, best = begin, initial
-    run = experiment.run(found)
+            motion, best = begin, initial
+    run = experiment.run(motion)
     return OptimalExcitation(
-        found, best, initial, run, experiment.duration, experiment.rate, experiment.evaluations
+        motion, best, initial, run, experiment.duration, experiment.rate, experiment.evaluations
     )
 
 

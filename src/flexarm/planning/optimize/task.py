@@ -114,9 +114,9 @@ def task_of(
                 problems += _inside(name, value[:, 0])
             elif np.any(bound.excess(value) > 0.0):
                 where = f"{bound.name} is {_listed(value[:, 0])}{UNITS[bound.name]}"
-                given = f"{_listed(bound.lower)} to {_listed(bound.upper)}"
+                permitted = f"{_listed(bound.lower)} to {_listed(bound.upper)}"
                 rule = f"permit the {name}, where {where}"
-                problems.append(Problem(f"limits.{bound.name}", rule, given))
+                problems.append(Problem(f"limits.{bound.name}", rule, permitted))
     problems += _too_short(end - start, duration, bounds)
     if problems:
         raise InputError(*problems)

@@ -275,10 +275,10 @@ class ClosedLanes(Lanes):
             # Equal loops are analysed once. Arms with changed parameters are not kept, so that
             # another one may have the same id.
             simulated = arm.spec if own.parameters else id(arm)
-            known = self._poles.setdefault((simulated, id(controller), id(reference)), {})
+            poles = self._poles.setdefault((simulated, id(controller), id(reference)), {})
             model, q = self._batch.model or arm, arm.unpadded(state[0])
             analysed = model, arm, controller, reference, own.hardware, (), q, duration
-            unstable = instability(AnalysedLoop(*analysed), known)
+            unstable = instability(AnalysedLoop(*analysed), poles)
         loop = LoopOfRun(controller, reference, self._references[key], hardware, unstable)
         return Ready(k, arm, state, loads, loop, (sample_time,))
 

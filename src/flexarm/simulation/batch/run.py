@@ -213,10 +213,10 @@ class Recorder:
         names = [item.label for item in instruments if item.limit < np.inf]
         label = {"long_name": "instrument with a limit"}
         times, counts = self._times[:: self._stride], (sizes["station"], sizes["contact"])
-        found = coordinates_of(variations.arms[0], times, *counts)
-        found["instrument"] = ("instrument", names, label)
+        coordinates = coordinates_of(variations.arms[0], times, *counts)
+        coordinates["instrument"] = ("instrument", names, label)
         if not variations.same_arm:
-            found.pop("position", None)  # the lengths of the links may differ
+            coordinates.pop("position", None)  # the lengths of the links may differ
         own: dict[str, Any] = {"run": ("run", np.arange(variations.count), _RUN)}
         for path, values in variations.parameters.items():
             own[path] = ("run", values, {"long_name": f"{path} of the simulated arm"})
@@ -224,7 +224,7 @@ class Recorder:
             own["seed"] = ("run", variations.seeds, {"long_name": "seed of the noise"})
         kept = {
             name: item
-            for name, item in found.items()
+            for name, item in coordinates.items()
             if used.issuperset([item[0]] if isinstance(item[0], str) else item[0])
         }
         return own | kept
@@ -320,23 +320,25 @@ def simulate_batch(
     model = None if plant is None else check_kind("arm", arm, Arm)
     acting = torque, controller, reference, hardware, initial, initial_rate, parameters, seeds
     name, given = ("arm", arm) if plant is None else ("plant", plant)
-    own = variations_of(given, name, *acting)
-    first = own.arms[0]
+    variations = variations_of(given, name, *acting)
+    first = variations.arms[0]
     shared = Situation(arm=first, duration=duration, settings=checked, **options)
-    own.check_events(shared.events)
+    variations.check_events(shared.events)
     check_samples(reduced, float(shared.times[-1]))
     starts = (
         None
-        if own.initial is None
-        else own.initial[..., first.joint_index[turning_joints(first)]].ravel()
+        if variations.initial is None
+        else variations.initial[..., first.joint_index[turning_joints(first)]].ravel()
     )
     warn_of(implausible_run(first, shared.duration, checked.rate, starts))
     if model is not None and model.joints != first.joints:
         rule = f"have the number of joints of the arm ({model.joints})"
         raise InputError(Problem("plant", rule, shown(first.joints)))
-    closed = own.controllers[0] is not None
+    closed = variations.controllers[0] is not None
     needed = {*names}.union(*(item.channels for item in reduced.values()))
-    batch = Batch(own, shared, needed, model or (first if closed and own.parameters else None))
+    batch = Batch(
+        variations, shared, needed, model or (first if closed and variations.parameters else None)
+    )
     recorder = Recorder(batch, names, reduced, stride)
     with warnings.catch_warnings():
         if closed:  # their warnings are kept in the outcomes
@@ -355,9 +357,9 @@ def simulate_batch(
     else:
         relative, absolute, scale = tolerances_of(checked, first)
         attributes["rtol"] = relative
-        if len(own.arms) == 1 or checked.atol is not None:  # otherwise each arm has its own
+        if len(variations.arms) == 1 or checked.atol is not None:  # otherwise each arm has its own
             attributes["atol"] = absolute * scale
-    if len(own.arms) == 1:
+    if len(variations.arms) == 1:
         attributes["arm"] = arm_text(first)
     _warn(recorder.texts["warning"])
     return recorder.dataset(attributes)

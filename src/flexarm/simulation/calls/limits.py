@@ -89,8 +89,8 @@ def motor_warning(
     longest = float(numbers["longest_saturation"][worst])
     cure = "use a slower motion or a stronger motor; see docs/how-to/sense-and-act.md."
     # A controller, or one inside, that accepts the limit of the motors but has none winds up.
-    own = (getattr(law, "torque_limit", 0.0) for law in around(controller))
-    if any(x is None or not np.isfinite(np.asarray(x, dtype=float)).all() for x in own):
+    torque_limits = (getattr(law, "torque_limit", 0.0) for law in around(controller))
+    if any(x is None or not np.isfinite(np.asarray(x, dtype=float)).all() for x in torque_limits):
         more = "give the limit to the controller (torque_limit=), so that it does not wind up, or"
         cure = f"{more} {cure}"
     return (

@@ -185,13 +185,13 @@ class Repetition:
         """Return the gradient (samples, 2 dof) of the goal by the states at the samples."""
         states, count = self._run.samples, 2 * self._run.arm.dof
         sizes = [min(DIRECTIONS, count - first) for first in range(0, count, DIRECTIONS)]
-        found = []
+        gradients = []
         for first in range(0, len(states), _CHUNK):
-            own = slice(first, first + _CHUNK)
-            part = {name: array[own] for name, array in weights.items()}
-            of_block = partial(self._of_block, part, states[own])
-            found.append(np.concatenate(list(pool.map(of_block, self._blocks, sizes))).T)
-        return np.concatenate(found)
+            block = slice(first, first + _CHUNK)
+            weights_of_block = {name: array[block] for name, array in weights.items()}
+            of_block = partial(self._of_block, weights_of_block, states[block])
+            gradients.append(np.concatenate(list(pool.map(of_block, self._blocks, sizes))).T)
+        return np.concatenate(gradients)
 
     def _of_block(
         self, weights: Weights, states: FloatArray, block: Block, count: int

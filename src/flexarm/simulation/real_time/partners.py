@@ -346,12 +346,12 @@ def updated(
 ) -> FloatArray:
     """Return the torques (joints,) of a controller; any number of them if ``joints`` is -1."""
     try:
-        given: Any = law.update(t, readings, reference)
+        torque: Any = law.update(t, readings, reference)
     except Exception as error:
         reason = f"the controller failed with {type(error).__name__}: {error}"
         raise PartnerError(reason) from error
     try:
-        return check_array("torque", given, (joints,))
+        return check_array("torque", torque, (joints,))
     except InputError as error:
         reason = f"the controller returned an unusable value: {error.at('controller')}"
         raise PartnerError(reason) from None

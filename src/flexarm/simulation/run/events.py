@@ -174,17 +174,17 @@ def contact_event(
 
 def events_of(specs: Sequence[EventSpec], arm: Arm) -> list[Event]:
     """Create the events of a scenario for ``arm``."""
-    found = []
+    events = []
     for spec in specs:
         common: dict[str, Any] = {"name": spec.name, "terminal": spec.terminal}
         common["direction"] = {"both": 0, "rising": 1, "falling": -1}[spec.direction]
         if isinstance(spec, JointEvent):
             angle = spec.stop if spec.angle is None else spec.angle
             assert angle is not None  # the model requires one of the two
-            found.append(joint_event(arm, spec.joint, angle, **common))
+            events.append(joint_event(arm, spec.joint, angle, **common))
         else:
-            found.append(tip_event(arm, spec.point, spec.normal, **common))
-    return found
+            events.append(tip_event(arm, spec.point, spec.normal, **common))
+    return events
 
 
 @dataclass(frozen=True, eq=False)

@@ -324,16 +324,16 @@ class Run:
         if not self.spans and len(lengths) == 1:
             return [(slice(0, self.progress.sample), self)]
         last = Span(self.arm, self.loads, self.progress.sample, self.progress.time)
-        found, begin = [], 0
+        runs, begin = [], 0
         for span in [*self.spans, last]:
             part = slice(begin, max(span.end, begin))
             count = part.stop - part.start
             progress = replace(self.progress, sample=count)
-            own = replace(self, arm=span.arm, loads=span.loads, progress=progress, spans=[])
-            own.sample_times, own.samples = self.sample_times[part], self.samples[part]
-            found.append((part, own))
+            run = replace(self, arm=span.arm, loads=span.loads, progress=progress, spans=[])
+            run.sample_times, run.samples = self.sample_times[part], self.samples[part]
+            runs.append((part, run))
             begin = part.stop
-        return [one for one in found if one[0].stop > one[0].start] or found[:1]
+        return [one for one in runs if one[0].stop > one[0].start] or runs[:1]
 
     def changed_arms(self) -> list[ChangedArm]:
         """Return the arms after the changes that have happened; only a few of very many."""

@@ -95,8 +95,8 @@ def _base(arm: Arm, q: FloatArray) -> _Pose:
 def _on(arm: Arm, shapes: FloatArray, link: int, station: float | None) -> _Pose:
     """Return the section of a link at a distance (m) from its root, by default at its tip."""
     points = shapes[:, link]
-    part = 1.0 if station is None else station / arm.spec.links[link].length
-    place = min(part, 1.0) * (points.shape[1] - 1)
+    share = 1.0 if station is None else station / arm.spec.links[link].length
+    place = min(share, 1.0) * (points.shape[1] - 1)
     k = min(int(place), points.shape[1] - 2)
     step = points[:, k + 1] - points[:, k]
     length = np.linalg.norm(step, axis=1, keepdims=True)
