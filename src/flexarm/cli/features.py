@@ -207,7 +207,7 @@ def compile_feature(name: str, folder: Path | None, every: bool) -> float:
     """Compile the kernels of a feature; return the time, s. Export them to a folder, if given."""
     jit.notice.silent = True
     if folder is not None:
-        record()
+        record(folder)
     before = compile_seconds()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", fa.FlexarmWarning)  # they concern the example arm

@@ -79,9 +79,9 @@ def inverses():
         return [out[0].real, str(error)]
     return [out[0].real, "no error"]
 
-build.record()
-expected = results()
 folder, every = Path(sys.argv[1]), sys.argv[2] == "every"
+build.record(folder)
+expected = results()
 build.export(folder / "objects", every)
 files = build.link(folder / "objects", folder / "linked", every)
 known = library.Library(folder / "linked")

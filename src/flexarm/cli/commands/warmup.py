@@ -88,10 +88,8 @@ def _compile(scratch: Path | None, every: bool) -> float:
     from flexarm.base.processes import process_pool, usable_cores
     from flexarm.cli.features import FEATURES, compile_feature
 
-    # The processes inherit this: code that comes from a library or a cache cannot be exported.
+    # The processes inherit this: code that comes from a library cannot be exported.
     os.environ["FLEXARM_KERNELS"] = "compile"
-    if scratch is not None:
-        os.environ["FLEXARM_CACHE"] = str(scratch)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     bar = Progress(*columns, TimeElapsedColumn(), console=console(), transient=True)
     pool = process_pool(min(usable_cores(), len(FEATURES)), int)

@@ -31,7 +31,7 @@ from flexarm.kernels.compilation.code_cache import CodeCache
 from flexarm.kernels.compilation.library import INTERFACE, TABLE, system
 from flexarm.kernels.compilation.numba_internals import cpu_target
 from flexarm.kernels.compilation.number_types import BlocksType
-from flexarm.kernels.compilation.private_folder import sources
+from flexarm.kernels.compilation.private_folder import cache_folder, sources
 
 
 class Level(NamedTuple):
@@ -117,8 +117,10 @@ def _standalone(function: Any, version: Any) -> Any:
     names[version.fndesc.llvm_func_name] = _symbol_of(function, version)
     for function in module.functions:
         if function.name in names:
-            function.name = names[function.name]
-            function.visibility = "hidden"
+            name = names[function.name]
+            function.name, function.visibility = name, "hidden"
+            if function.name != name:
+                raise RuntimeError(f"{name} has two symbols")
         elif function.name.startswith(("_ZN7cpython", "cfunc.")):
             function.linkage = "available_externally"  # not in the object file
         elif not function.is_declaration:
@@ -204,8 +206,14 @@ def _entry(call: Call) -> Any:
     return llvm.parse_assembly(str(module))
 
 
-def record() -> None:
-    """Keep what this process compiles from now on, for `export`."""
+def record(folder: Path) -> None:
+    """Keep what this process compiles from now on, for `export`.
+
+    Its cache is its own: code of another process refers to a kernel by another symbol, and code
+    that contains both symbols could not be linked.
+    """
+    os.environ["FLEXARM_CACHE"] = str(folder / f"cache-{os.getpid()}")
+    cache_folder.cache_clear()
     CodeCache.compiled, jit.calls = CodeCache.compiled or [], jit.calls or []
 
 
