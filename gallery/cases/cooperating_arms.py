@@ -110,7 +110,7 @@ def draw(figure: Figure) -> None:
         for points in arm.shape(q, stations=9):
             left.plot(*np.asarray(points).T, color=AGES(age), linewidth=1.2)
         left.plot(*arm.tip(q)[:2], "o", color=AGES(age), markersize=5)
-    left.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    left.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xmargin=0.06)
     left.set_title("Motion")
     left.grid(False)
     known = reference("mechanisms", "cooperating_arms").values

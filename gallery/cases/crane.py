@@ -101,7 +101,7 @@ def draw(figure: Figure) -> None:
         left.plot(*boom, color=AGES(age), linewidth=1.3)
         left.plot(*rope, color=AGES(age), linewidth=0.6)
         left.plot(*rope[:, -1], "o", color=AGES(age), markersize=4)
-    left.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    left.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xmargin=0.06)
     left.set_title("Motion")
     left.grid(False)
     known = reference("mechanisms", "crane").values
