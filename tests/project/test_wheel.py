@@ -20,6 +20,7 @@ from types import SimpleNamespace
 import pytest
 
 from flexarm.kernels.compilation.library import TABLE
+from kernel_library import built_library
 
 ROOT = Path(__file__).resolve().parents[2]
 #: The installed package must not use files of the source folder.
@@ -39,6 +40,7 @@ def run(*command: str | Path, cwd: Path) -> str:
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("hatchling", reason="the build backend comes with: pip install -e '.[dev]'")
     pytest.importorskip("pip", reason="this environment has no pip to build a wheel with")
+    built_library()  # the hook copies it
     folder = tmp_path_factory.mktemp("wheel")
     offline = ("--no-index", "--no-deps", "--disable-pip-version-check")
     pip = (sys.executable, "-m", "pip")

@@ -13,6 +13,7 @@ import pytest
 
 from flexarm.kernels.compilation import library, private_folder
 from flexarm.kernels.compilation.packs import Packs
+from kernel_library import built_library
 
 pytestmark = pytest.mark.compiled
 
@@ -69,7 +70,7 @@ def called(choice, *arguments):
 @pytest.mark.sampled("dynamics")
 @pytest.mark.parametrize("name", ["dynamics", "explicit", "implicit", "lanes", "duals", "matrices"])
 def test_library_has_the_bits_of_kernels_compiled_on_the_spot(name):
-    assert library.loaded() is not None, "flexarm warmup builds the library"
+    built_library()
     built, imported = called("library", name, "without numba")
     assert not imported
     compiled, imported = called("compile", name)
@@ -79,6 +80,7 @@ def test_library_has_the_bits_of_kernels_compiled_on_the_spot(name):
 
 
 def test_a_run_with_the_library_does_not_import_numba():
+    built_library()
     _, imported = called("", "explicit", "matrices")
     assert not imported
 
@@ -86,8 +88,7 @@ def test_a_run_with_the_library_does_not_import_numba():
 @pytest.fixture
 def folder(tmp_path):
     """Return a copy of the library of this process."""
-    known = library.loaded()
-    assert known is not None, "flexarm warmup builds the library"
+    known = built_library()
     for name in (library.TABLE, known.file.name):
         shutil.copy(known.folder / name, tmp_path / name)
     return tmp_path
@@ -207,7 +208,7 @@ def test_libraries_of_two_versions_lie_side_by_side(folder, tmp_path_factory):
 @pytest.mark.skipif(shutil.which("nm") is None, reason="needs nm of the binutils")
 def test_library_refers_to_functions_of_mathematics_alone():
     listed = subprocess.run(
-        ["nm", "-D", "--undefined-only", library.loaded().file],
+        ["nm", "-D", "--undefined-only", built_library().file],
         capture_output=True,
         text=True,
         check=True,
@@ -270,6 +271,7 @@ except Exception as error:
 
 
 def test_kernel_without_machine_code_says_why_and_what_to_install():
+    built_library()
     done = subprocess.run(
         [sys.executable, "-c", MISSING],
         env={**os.environ, "FLEXARM_KERNELS": "library"},
