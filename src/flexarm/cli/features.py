@@ -167,23 +167,16 @@ def _batch() -> None:
         fa.simulate_batch(_arm(), 0.01, parameters=heavier, integrator=integrator, progress=False)
 
 
-def _sensitivities(integrator: str) -> None:
-    fa.sensitivities(_arm(), 0.002, ["payload.inertia"], integrator=integrator)
-
-
-def _gradient(integrator: str) -> None:
+def _differentiate() -> None:
     weights, torque = {"tip": [[0.0, 0.0]] * 3}, [[0.1, 0.0]] * 3
-    fa.goal_gradient(_arm(), 0.002, weights, torque=torque, integrator=integrator)
+    for name in ("auto", "kennedy_carpenter_5"):  # the others are rare, and compile as slowly
+        fa.sensitivities(_arm(), 0.002, ["payload.inertia"], integrator=name)
+        fa.goal_gradient(_arm(), 0.002, weights, torque=torque, integrator=name)
 
 
-#: Calls by name. The longest come first, so that all processes finish at about the same time.
+#: Calls by name.
 FEATURES: dict[str, Callable[[], None]] = {
-    # Of two integrators: the others are rare, and compile as slowly.
-    **{
-        f"{what.__name__.strip('_')} of runs, {name}": partial(what, name)
-        for name in ("kennedy_carpenter_5", "auto")
-        for what in (_sensitivities, _gradient)
-    },
+    "derivatives of runs": _differentiate,
     "batches": _batch,
     "forward dynamics and derivatives": _dynamics,
     "simulate": _simulate,
@@ -203,15 +196,27 @@ FEATURES: dict[str, Callable[[], None]] = {
 }
 
 
-def compile_feature(name: str, folder: Path | None, every: bool) -> float:
-    """Compile the kernels of a feature; return the time, s. Export them to a folder, if given."""
+def groups() -> list[list[str]]:
+    """Return the names of features, those together whose kernels have numbers of the same type.
+
+    A process compiles a group, because processes cannot share kernels; the longest comes first.
+    """
+    special: list[str] = [name for name in ("derivatives of runs", "batches") if name in FEATURES]
+    others = [name for name in FEATURES if name not in special]
+    ordered: list[list[str]] = [special[:1], others, special[1:]]
+    return [group for group in ordered if group]
+
+
+def compile_features(names: list[str], folder: Path | None, every: bool) -> float:
+    """Compile the kernels of features; return the time, s. Export them to a folder, if given."""
     jit.notice.silent = True
     if folder is not None:
         record(folder)
     before = compile_seconds()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", fa.FlexarmWarning)  # they concern the example arm
-        FEATURES[name]()
-    if folder is not None:
-        export(folder, every)
+    for name in names:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", fa.FlexarmWarning)  # they concern the example arm
+            FEATURES[name]()
+        if folder is not None:
+            export(folder, every)
     return compile_seconds() - before

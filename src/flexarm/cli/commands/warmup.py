@@ -86,18 +86,16 @@ def _compile(scratch: Path | None, every: bool) -> float:
     )
 
     from flexarm.base.processes import process_pool, usable_cores
-    from flexarm.cli.features import FEATURES, compile_feature
+    from flexarm.cli.features import compile_features, groups
 
     # The processes inherit this: code that comes from a library cannot be exported.
     os.environ["FLEXARM_KERNELS"] = "compile"
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
     bar = Progress(*columns, TimeElapsedColumn(), console=console(), transient=True)
-    pool = process_pool(min(usable_cores(), len(FEATURES)), int)
-    compiled = 0.0
-    with bar, pool:
-        task = bar.add_task("compiling", total=len(FEATURES))
-        waiting = {pool.submit(compile_feature, name, scratch, every): name for name in FEATURES}
-        for done in as_completed(waiting):
+    tasks, compiled = groups(), 0.0
+    with bar, process_pool(min(usable_cores(), len(tasks)), int) as pool:
+        task = bar.add_task("compiling groups of kernels", total=len(tasks))
+        for done in as_completed([pool.submit(compile_features, g, scratch, every) for g in tasks]):
             compiled += done.result()
-            bar.update(task, advance=1, description=f"compiled: {waiting[done]}")
+            bar.update(task, advance=1)
     return compiled
