@@ -22,9 +22,10 @@ _CORE = ("numba", "numpy", "scipy", "pydantic", "xarray", "typer")
 class KernelLibrary(BuildHookInterface):
     """Compile the kernels, which takes some minutes; without a compiler the wheel has none.
 
-    Kernels then compile when they are first used, with the extra ``jit``. The environment variable
-    ``FLEXARM_BUILD=pure`` asks for such a wheel. ``FLEXARM_BUILD=release`` compiles for all
-    processors of the family, names the wheel so, and raises an error if that fails.
+    Such a wheel needs what the extra ``jit`` installs, and kernels compile when they are first
+    used. The environment variable ``FLEXARM_BUILD=pure`` asks for it. ``FLEXARM_BUILD=release``
+    compiles for all processors of the family, names the wheel so, and raises an error if that
+    fails.
     """
 
     _folder: tempfile.TemporaryDirectory[str] | None = None
@@ -39,6 +40,7 @@ class KernelLibrary(BuildHookInterface):
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile before a wheel is written; an editable installation compiles when it is used."""
         wish = os.environ.get("FLEXARM_BUILD", "")
+        build_data["dependencies"] += self.metadata.core.optional_dependencies["jit"]
         if version == "editable" or wish == "pure":
             return
         failure = self._compile(every=wish == "release")
@@ -49,6 +51,7 @@ class KernelLibrary(BuildHookInterface):
                 f"flexarm: {failure}; kernels compile when they are first used"
             )
             return
+        build_data["dependencies"].clear()
         build_data["force_include"].update(
             {str(path): f"{_PLACE}/{path.name}" for path in Path(self._folder.name).iterdir()}
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from benchmarks import (
+    closed_loop,
     controllers,
     environments,
     first_run,
@@ -45,6 +46,7 @@ def main() -> None:
         many=rollouts.rollouts(),
         learning=environments.environments(),
         chain=_announced("chain of 64 links", long_chain.work_precision),
+        closed=list(closed_loop.rows()),
         controllers=controllers.microseconds(),
         simulations=whole_call.simulations(),
         calls=whole_call.microseconds(),

@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks import environments, long_chain, pictures, programs, raw, rollouts
+from benchmarks import closed_loop, environments, long_chain, pictures, programs, raw, rollouts
 from benchmarks.figures import USEFUL, draw_scaling, draw_work_precision
 from benchmarks.first_run import First
 from benchmarks.forward_dynamics import Comparison
@@ -39,6 +39,7 @@ class Measured(NamedTuple):
     many: list[rollouts.Rollouts]
     learning: environments.Environments
     chain: list[Point]
+    closed: list[tuple[str, float, float]]  # rows of closed_loop
     controllers: dict[tuple[str, str], float]  # microseconds a sample, by name and condition
     simulations: list[Whole]
     calls: dict[str, float]  # microseconds
@@ -190,6 +191,17 @@ The goal is {long_chain.GOAL:g} times the speed of MuJoCo at the same error or l
 
 ![Work-precision diagram of the chain](chain.png)
 
+## A four-bar of flexible links
+
+A crank of 0.3 m starts with 12 rad/s; coupler and rocker are 0.9 and 0.7 m. All bars have 200 N m²
+and 0.5 kg/m and swing under gravity for one second. The error is that of the rocker's tip from
+{_finest()}, which the [gallery](../gallery/mechanisms.md) compares with
+Exudyn. Times are those of whole calls of `simulate`, and of the solver of Exudyn. The goal is
+{closed_loop.GOAL:g} times the speed of Exudyn at equal error.
+`python -m benchmarks.closed_loop` prints this table alone.
+
+{closed_loop.table(m.closed)}
+
 ## Controllers
 
 The table gives the time of one `update` in closed loops on two flexible links, at the default
@@ -239,6 +251,12 @@ goals are elapsed seconds of compiling on two idle cores.
 
 {_table(("content", "MB"), [(name, f"{size:.0f}") for name, size in m.memory.items()])}
 """
+
+
+def _finest() -> str:
+    """Describe the reference of the four-bar."""
+    segments, modes, rtol = closed_loop.FINEST
+    return f"{segments} segments of {modes} modes at `rtol={rtol:g}`"
 
 
 def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:

@@ -12,6 +12,7 @@ from gallery.cases import (
     crane,
     elastica,
     euler_column,
+    flexible_bars,
     flying_spaghetti,
     four_bar,
     free_flyer,
@@ -56,6 +57,7 @@ PAGES: tuple[Page, ...] = (
         (
             four_bar.CASE,
             slider_crank.CASE,
+            flexible_bars.CASE,
             cooperating_arms.CASE,
             crane.CASE,
             cart.CASE,

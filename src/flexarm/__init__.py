@@ -20,9 +20,9 @@ _RENAMED: dict[str, tuple[str, str]] = {"Needs": ("ControllerRequirements", "0.3
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from importlib.metadata import version
+        from flexarm.base.references import package_version
 
-        return version("flexarm")
+        return package_version()
     if name in _RENAMED:
         from flexarm.base.errors import warn_deprecated
 

@@ -13,12 +13,15 @@ import subprocess
 import sys
 import sysconfig
 import zipfile
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+import flexarm as fa
+from arms import table_one_arm
+from flexarm.base import references
 from flexarm.kernels.compilation.library import TABLE
 from kernel_library import built_library
 
@@ -27,10 +30,10 @@ ROOT = Path(__file__).resolve().parents[2]
 CLEAN = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
 
 
-def run(*command: str | Path, cwd: Path) -> str:
+def run(*command: str | Path, cwd: Path, environ: dict[str, str] = CLEAN) -> str:
     """Run a command and return its output; a failure shows both streams."""
     done = subprocess.run(
-        [*map(str, command)], cwd=cwd, env=CLEAN, capture_output=True, text=True, check=False
+        [*map(str, command)], cwd=cwd, env=environ, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
     return done.stdout
@@ -41,10 +44,15 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("hatchling", reason="the build backend comes with: pip install -e '.[dev]'")
     pytest.importorskip("pip", reason="this environment has no pip to build a wheel with")
     built_library()  # the hook copies it
-    folder = tmp_path_factory.mktemp("wheel")
+    return build(tmp_path_factory.mktemp("wheel"), CLEAN)
+
+
+def build(folder: Path, environ: dict[str, str]) -> Path:
+    """Build a wheel in a folder."""
     offline = ("--no-index", "--no-deps", "--disable-pip-version-check")
     pip = (sys.executable, "-m", "pip")
-    run(*pip, "wheel", "--no-build-isolation", *offline, "-w", folder, ROOT, cwd=folder)
+    made = (*pip, "wheel", "--no-build-isolation", *offline, "-w", folder, ROOT)
+    run(*made, cwd=folder, environ=environ)
     (built,) = folder.glob("*.whl")
     return built
 
@@ -120,6 +128,33 @@ def test_wheel_brings_the_library_of_kernels(wheel: Path) -> None:
     assert TABLE in brought
     assert len(brought) == 2
     assert max(brought.values()) < 8e6  # bytes
+
+
+def test_wheel_without_the_library_needs_numba(wheel: Path, tmp_path: Path) -> None:
+    def needs(file: Path) -> list[str]:
+        with zipfile.ZipFile(file) as archive:
+            (name,) = (n for n in archive.namelist() if n.endswith(".dist-info/METADATA"))
+            lines = archive.read(name).decode().splitlines()
+        return [line for line in lines if line.startswith("Requires-Dist: numba")]
+
+    pure = build(tmp_path, {**CLEAN, "FLEXARM_BUILD": "pure"})
+    assert pure.name.endswith("py3-none-any.whl")
+    assert [line for line in needs(pure) if "extra ==" not in line]
+    assert not [line for line in needs(wheel) if "extra ==" not in line]
+
+
+def test_sources_that_are_not_installed_simulate(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A build runs the examples of `flexarm warmup` from the sources, before there is metadata.
+    def missing(name: str) -> str:
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(references, "version", missing)
+    references.package_version.cache_clear()
+    try:
+        result = fa.simulate(table_one_arm(), 0.01)
+    finally:
+        references.package_version.cache_clear()
+    assert result.attrs["flexarm_version"] == "unknown"
 
 
 @pytest.mark.thorough

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
@@ -10,6 +11,15 @@ from flexarm.base.errors import InputError, Problem, public_call, shown
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+@cache
+def package_version() -> str:
+    """Return the version of this package, cached because the look-up takes a millisecond."""
+    try:
+        return version("flexarm")
+    except PackageNotFoundError:  # sources that are not installed, as in the build of a wheel
+        return "unknown"
 
 
 def _entries(package: str) -> dict[str, str]:
@@ -39,7 +49,7 @@ def citation(result: xr.Dataset | Cited) -> str:
     if isinstance(attributes, dict):
         used, made_by = attributes.get("references", ""), attributes.get("flexarm_version", "")
     elif isinstance(getattr(result, "references", None), str):
-        used, made_by = getattr(result, "references", ""), version("flexarm")
+        used, made_by = getattr(result, "references", ""), package_version()
     else:
         raise InputError(Problem("result", "be a result of simulate", shown(result)))
     keys = ["flexarm", *str(used).split()]

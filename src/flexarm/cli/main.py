@@ -44,9 +44,9 @@ app.add_typer(export, name="export")
 
 def _show_version(requested: bool) -> None:
     if requested:
-        from importlib.metadata import version
+        from flexarm.base.references import package_version
 
-        typer.echo(f"flexarm {version('flexarm')}")
+        typer.echo(f"flexarm {package_version()}")
         raise typer.Exit
 
 

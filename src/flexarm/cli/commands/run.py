@@ -39,9 +39,9 @@ def run(
     quiet: Annotated[bool, flag("--quiet", "Print warnings and errors only.")] = False,
 ) -> None:
     """Simulate a scenario file."""
-    from importlib.metadata import version
     from json import dumps
 
+    from flexarm.base.references import package_version
     from flexarm.cases.results import FIGURE_SUFFIXES, FORMATS
     from flexarm.cases.scenario.scenario import prepare
     from flexarm.model import locate_scenario
@@ -85,7 +85,7 @@ def run(
             print_line(line)
     if json:
         summary = {
-            "flexarm": version("flexarm"),
+            "flexarm": package_version(),
             "scenario": str(scenario),
             "changes": [change.origin for change in changes],
             **_values(result),

@@ -15,6 +15,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.observe import bristle_channel, channels_of, contact_channels
 from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, warn_caller
+from flexarm.base.references import package_version
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.cache import can_compile
 from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_LINE, ROW_X, ROW_Y, ROWS
@@ -94,12 +95,6 @@ class _Labels(NamedTuple):
 _kept_labels: dict[tuple[object, ...], _Labels] = {}
 _MOST_LABELS = 16
 _texts: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
-
-
-@cache
-def package_version() -> str:
-    """Return the version of this package, cached because the look-up takes a millisecond."""
-    return version("flexarm")
 
 
 @cache

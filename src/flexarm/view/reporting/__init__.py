@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_kind, library_missing
 from flexarm.base.errors import InputError, Problem, printable, public_call, shown
-from flexarm.base.references import citation
+from flexarm.base.references import citation, package_version
 from flexarm.base.writing.places import AnyPath, check_place, write_text
 from flexarm.cases.scenario.summary import about_arm, about_run
 from flexarm.identification.result import Identification, is_identification
 from flexarm.model import Contact
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.metrics import METRICS, metrics_of, tip_reference
-from flexarm.simulation.calls.result import package_version
 from flexarm.view.plot import drawn_result
 from flexarm.view.plot.animation.scene import (
     SceneOptions,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from flexarm.base.references import package_version
 from flexarm.cases.scenario.summary import about_arm
 from flexarm.identification.result import (
     FIT_HEADS,
@@ -19,7 +20,6 @@ from flexarm.identification.result import (
     fit_rows,
 )
 from flexarm.model.file_format.files import file_text
-from flexarm.simulation.calls.result import package_version
 from flexarm.view.plot import fits
 from flexarm.view.plot.animation.scene import style
 from flexarm.view.reporting import Table, clean, file_item, number, text_of
