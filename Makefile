@@ -32,7 +32,7 @@ help: ## list the chores
 # One environment for users' and developers' chores; rebuilt when the dependencies change.
 $(VENV)/.ready-demo: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	FLEXARM_BUILD=pure $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[jit]"
+	FLEXARM_BUILD=pure $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 
 $(VENV)/.ready-dev: pyproject.toml
