@@ -22,12 +22,12 @@ from flexarm.arm.arm import Arm, save_arm
 from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, public_call, shown, suggestion
 from flexarm.base.notebook import html_table
+from flexarm.base.references import package_version
 from flexarm.base.writing.places import AnyPath
 from flexarm.identification.record import is_number
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
 from flexarm.model.file_format.files import arm_spec_of_text, content_of, file_text
-from flexarm.simulation.calls.result import package_version
 
 #: Lags of the tests of residuals.
 LAGS = 20

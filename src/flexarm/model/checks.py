@@ -259,7 +259,8 @@ class Record(BaseModel, metaclass=RecordType):
     fields with ``kw_only=True``.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    # Validators are built at their first use: a run needs those of few records.
+    model_config = ConfigDict(defer_build=True, frozen=True, extra="forbid")
 
     _hints: ClassVar[dict[str, str]] = {}
     """A sentence per field, added to a complaint about that field which has no hint of its own."""

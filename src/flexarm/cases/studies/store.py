@@ -34,12 +34,13 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.references import package_version
 from flexarm.cases.studies.execution import DIMS, RECORDED, Executor, Outcomes, table_of
 from flexarm.cases.studies.samples import Samples
 from flexarm.integrate.base import FloatArray
 from flexarm.model.file_format.files import record_of_bytes
 from flexarm.model.scenarios.study import SamplePlan
-from flexarm.simulation.calls.result import package_version, software_versions
+from flexarm.simulation.calls.result import software_versions
 
 if TYPE_CHECKING:
     import xarray as xr

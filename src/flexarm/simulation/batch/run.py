@@ -18,6 +18,7 @@ from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.base.arguments import check_kind, check_options
 from flexarm.base.errors import FlexarmWarning, InputError, Problem, public_call, shown, warn_caller
 from flexarm.base.processes import check_workers
+from flexarm.base.references import package_version
 from flexarm.control.contract.base import Controller, Reference
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.packs import LANES
@@ -49,7 +50,6 @@ from flexarm.simulation.calls.result import (
     arm_text,
     channel_labels,
     coordinates_of,
-    package_version,
     software_versions,
 )
 from flexarm.simulation.calls.run import simulate

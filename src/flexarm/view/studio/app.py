@@ -23,10 +23,10 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 import flexarm
 from flexarm.base.errors import InputError, printable
+from flexarm.base.references import package_version
 from flexarm.model import PlantSpec
 from flexarm.model.checks import Record
 from flexarm.model.wording import Path, path_text
-from flexarm.simulation.calls.result import package_version
 from flexarm.view.plot.animation.scene import player_function, style
 from flexarm.view.studio.compute import Failure, Margins, Part, Picture, Report, Request, parts_of
 from flexarm.view.studio.panel import Panel
