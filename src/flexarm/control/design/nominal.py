@@ -141,12 +141,12 @@ class MechanismModel(FlexibleModel):
             for full, joints in zip((q, qd, qdd), now, strict=False):
                 full[arm.joint_index] = joints
             q[self.elastic] = now[3]
-            motions = self._coordinates.motions(q)
             try:
-                q = motions.closed(arm, q)
+                q = self._coordinates.motions(q).closed(arm, q)
             except np.linalg.LinAlgError:
                 rule, hint = "close the loops", "fa.joint_motion(arm, ..., driven=[...]) does."
                 raise InputError(Problem("reference", rule, shown(now[0]), hint)) from None
+            motions = self._coordinates.motions(q)
             qd = motions.displacements(qd[motions.independent])
             force = arm.inverse_dynamics(q, qd, qdd)
             shares = self._coordinates.shared(force, self._coordinates.basis(q, motions))
