@@ -170,13 +170,14 @@ class RigidParameters:
         names: as given. values: (p,), of the arm. known: number of leading rows of the regressor
             that belong to no parameter. joints: number of joints.
 
-    Arguments of methods are not checked. Results are buffers that the next call overwrites.
+    Arguments of methods are not checked. Results are buffers that the next call overwrites. Closures
+    are not part of the model: their forces act as torques of the joints.
     """
 
     def __init__(
         self, arm: Arm, names: Sequence[str] = (), smoothing_rate: FloatArray | None = None
     ) -> None:
-        serial_only(arm.spec, "a controller with parameters of the rigid model")
+        serial_only(arm.spec, "a controller with parameters of the rigid model", UNDRIVEN[:1])
         self.names, self.joints = tuple(names), arm.joints
         rigid = arm.rigid()
         exact = rigid.assembly.constants
