@@ -1,9 +1,10 @@
 """Coordinates of linear controllers of mechanisms: theory page "mechanisms", (M.25), (M.26).
 
 With the motions ``q = Z y`` that keep the loops closed, the closure forces do not appear in
-``Z' M Z y'' + Z' D Z y' + Z' K Z y = Z' f``. Joint torques do not change the momentum of a base that moves freely. Its
-displacements with the momentum zero are those with ``M_b Z y = 0`` in the rows b of the base: the
-base follows the other coordinates, and motions of the whole arm are left out.
+``Z' M Z y'' + Z' D Z y' + Z' K Z y = Z' f``. Joint torques do not change the momentum of a base
+that moves freely. Its displacements with the momentum zero are those with ``M_b Z y = 0`` in the
+rows b of the base: the base follows the other coordinates, and motions of the whole arm are left
+out.
 """
 
 from __future__ import annotations
