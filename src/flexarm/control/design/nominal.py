@@ -145,7 +145,7 @@ class MechanismModel(FlexibleModel):
                 q = self._coordinates.motions(q).closed(arm, q)
             except np.linalg.LinAlgError:
                 rule, hint = "close the loops", "fa.joint_motion(arm, ..., driven=[...]) does."
-                raise InputError(Problem("reference", rule, shown(now[0]), hint)) from None
+                raise InputError(Problem("reference", rule, shown(np.round(now[0], 4).tolist()), hint)) from None
             motions = self._coordinates.motions(q)
             qd = motions.displacements(qd[motions.independent])
             force = arm.inverse_dynamics(q, qd, qdd)
