@@ -396,7 +396,7 @@ def _evaluated(
 ) -> dict[int, Evaluation]:
     own = {name: [arguments.get(name) for _, arguments in group] for name in _OWN}
     seeds = [case.seed for case, _ in group if case.seed is not None and "hardware" in shared]
-    names = _CHANNELS
+    names: tuple[str, ...] = _CHANNELS
     if group[0][0].prepared.arm.spec.base.free:
         names = (*names, "base_position")
     try:

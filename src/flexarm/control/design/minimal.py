@@ -9,6 +9,7 @@ out.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -104,7 +105,7 @@ class MinimalCoordinates:
             return equilibrium(self.arm, posture, contacts=contacts)
         arm = self.arm
         rest = equilibrium(arm, posture, contacts=contacts, held=self._held)
-        weight = total_mass(arm) * float(np.hypot(*arm.spec.gravity))
+        weight = total_mass(arm) * math.hypot(*arm.spec.gravity)
         sizes = np.where(turning_joints(arm), arm.reach, 1.0)
         wrong = np.abs(rest.torque) > _NEEDED * weight * sizes
         wrong &= ~self.driven

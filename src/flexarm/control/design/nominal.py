@@ -130,7 +130,7 @@ class MechanismModel(FlexibleModel):
         self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, bend: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """See ``FlexibleModel.motion``; the loops are closed with the links bent."""
-        arm, rows = self.arm, []
+        arm, rows = self.arm, list[tuple[FloatArray, ...]]()
         before: list[FloatArray] = []
         for now in zip(angle, rate, acceleration, bend, strict=True):
             if before and all(map(np.array_equal, now, before)):  # as at rest
@@ -145,7 +145,8 @@ class MechanismModel(FlexibleModel):
                 q = self._coordinates.motions(q).closed(arm, q)
             except np.linalg.LinAlgError:
                 rule, hint = "close the loops", "fa.joint_motion(arm, ..., driven=[...]) does."
-                raise InputError(Problem("reference", rule, shown(np.round(now[0], 4).tolist()), hint)) from None
+                angles = shown(np.round(now[0], 4).tolist())
+                raise InputError(Problem("reference", rule, angles, hint)) from None
             motions = self._coordinates.motions(q)
             qd = motions.displacements(qd[motions.independent])
             force = arm.inverse_dynamics(q, qd, qdd)

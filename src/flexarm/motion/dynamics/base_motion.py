@@ -45,11 +45,11 @@ class BaseMotion:
         """Return coordinates, rates and accelerations (T, dof) at times (T,)."""
         self._extend(float(np.max(times, initial=self._end)))
         base, motion = self._at(times), self.motion.state(times)
-        k, found = self._start.size // 2, np.zeros((3, times.size, self.following.arm.dof))
-        for i, own in enumerate(base):
-            found[0, i] = self.following.placed(motion[0][i], own[:k])
-            found[1, i] = self.following.placed(motion[1][i], own[k:])
-            found[2, i] = self.following.accelerated(*found[:2, i], motion[2][i])
+        k, following = self._start.size // 2, self.following
+        found = np.zeros((3, times.size, following.arm.dof))
+        found[:, :, following.arm.joint_index] = motion
+        found[0][:, following.places], found[1][:, following.places] = base[:, :k], base[:, k:]
+        found[2] = following.accelerated_many(*found)
         found[2, times < self.motion.start_time] = 0.0
         return BaseStates(*found)
 

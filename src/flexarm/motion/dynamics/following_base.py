@@ -10,6 +10,7 @@ Yoshida, IEEE Trans. Robotics and Automation 5 (1989) 303-314).
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -79,11 +80,24 @@ class FollowingBase:
             if np.all(np.abs(step) <= _CLOSE * sizes):
                 break
         held = np.abs(self.arm.mass_matrix(q)) @ np.full(self.arm.dof, 1.0)
-        gravity = float(np.hypot(*self.arm.spec.gravity))
+        gravity = math.hypot(*self.arm.spec.gravity)
         if np.any(np.abs(force) > _UNBALANCED * gravity * held[self.places]):
             hint = "Give it springs, or choose the direction of gravity."
             raise InputError(Problem("arm.base", "has no equilibrium at the start", hint=hint))
         return base
+
+    def accelerated_many(self, q: FloatArray, qd: FloatArray, qdd: FloatArray) -> FloatArray:
+        """Return ``accelerated`` at T instants, (T, dof), with joints that accelerate as in qdd."""
+        rows, force = self.places, self.arm.inverse_dynamics_many(q, qd, qdd)
+        columns = []
+        for place in rows:  # the force is linear in the accelerations
+            pushed = qdd.copy()
+            pushed[:, place] += 1.0
+            columns.append((self.arm.inverse_dynamics_many(q, qd, pushed) - force)[:, rows])
+        mass = np.stack(columns, axis=2)
+        found = qdd.copy()
+        found[:, rows] -= np.linalg.solve(mass, force[:, rows, None])[:, :, 0]
+        return found
 
     def accelerated(self, q: FloatArray, qd: FloatArray, acceleration: FloatArray) -> FloatArray:
         """Return accelerations (dof,) of joints (joints,) and of the base that follows them."""

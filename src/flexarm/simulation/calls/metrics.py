@@ -67,7 +67,8 @@ def on_base(points: FloatArray, base: FloatArray | None) -> FloatArray:
         return points
     cos, sin = np.cos(base[:, 2]), np.sin(base[:, 2])
     x, y = points.T
-    return base[:, :2] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+    turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+    return np.asarray(base[:, :2] + turned)
 
 
 def metrics_of(
