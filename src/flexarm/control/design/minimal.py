@@ -95,6 +95,17 @@ class MinimalCoordinates:
         fixed = fixed if fixed.size < arm.joints else fixed[:0]
         return closed_posture(rigid, rigid.rest(posture), fixed)[0][rigid.joint_index]
 
+    def closed_near(self, posture: FloatArray, others: FloatArray) -> FloatArray:
+        """Return closed postures (T, joints) in the working mode of a posture (joints,).
+
+        Each one begins at the passive joints of the nearest one before.
+        """
+        found = [self.closed(posture)]
+        for other in others:
+            nearest = min(found, key=lambda one: float(np.sum((one - other)[self.driven] ** 2)))
+            found.append(self.closed(np.where(self.driven, other, nearest)))
+        return np.array(found[1:])
+
     def at_rest(self, posture: FloatArray, contacts: Sequence[Contact] = ()) -> Equilibrium:
         """Return the equilibrium in a posture (joints,) that the motors hold.
 
