@@ -111,13 +111,13 @@ class LQG(LQGParameters, OfArm, Controller):
     def _placed(self) -> MinimalCoordinates:
         """Return the coordinates of the designs; close the loops of the postures of the grid."""
         refuse_damped_drift(self.arm)
-        coordinates = MinimalCoordinates(self.arm, self.actuated, self.posture)
+        coordinates = MinimalCoordinates(self.arm, self.actuated, np.asarray(self.posture))
         grid, passive = self._grid, ~coordinates.driven
         self._model = FlexibleModel(self.arm)
         if coordinates.are_all:
             return coordinates
         self._model = MechanismModel(coordinates)
-        grid.postures = coordinates.closed_near(self.posture, grid.postures)
+        grid.postures = coordinates.closed_near(np.asarray(self.posture), grid.postures)
         requirements = self.design_requirements
         world = {"tip"} & {*requirements.measured, *requirements.integrated}
         if coordinates.drifting.size and world:
