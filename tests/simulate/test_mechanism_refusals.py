@@ -25,8 +25,6 @@ REFUSED = {
     "Impedance": lambda arm: fa.Impedance(arm, 100.0, 10.0),
     "HybridForce": lambda arm: fa.HybridForce(arm),
     "WaveBasedControl": lambda arm: fa.WaveBasedControl(arm, fa.JointPD(1.0, 1.0)),
-    "SlidingMode": lambda arm: fa.SlidingMode(arm, 5.0, 1.0),
-    "Adaptive": lambda arm: fa.Adaptive(arm, 5.0, 1.0, 1.0),
     "LoopShaping": lambda arm: fa.LoopShaping(arm),
     "ExtendedKalmanFilter": lambda arm: fa.ExtendedKalmanFilter(arm, GAUGES),
     "MovingHorizonEstimator": lambda arm: fa.MovingHorizonEstimator(arm, GAUGES),
@@ -44,16 +42,16 @@ REFUSED = {
     "campbell": lambda arm: fa.campbell(arm, [0.0, 1.0]),
 }
 OF_BASES_ALONE = {
-    "rigid_torque": lambda arm: fa.rigid_torque(arm, _motion(arm)),
-    "ComputedTorque": lambda arm: fa.ComputedTorque(arm, frequency_hz=1.0),
+    "DisturbanceObserver": lambda arm: fa.DisturbanceObserver(arm, fa.JointPD(1.0, 1.0)),
     "inverse_kinematics": lambda arm: fa.inverse_kinematics(arm, (1.0, 0.5), posture=[0.5]),
     "line_motion": lambda arm: fa.line_motion(arm, (1.0, 0.5), (1.0, 0.7), 1.0, posture=[0.5]),
-    "joint_motion": lambda arm: fa.joint_motion(arm, [0.0], [1.0], 1.0, driven=[1]),
 }
 OF_BASES = {
-    "linearize_along": lambda arm: fa.linearize_along(arm, _motion(arm)),
-    "LQG": lambda arm: fa.LQG(arm, np.zeros(arm.joints)),
-    "DisturbanceObserver": lambda arm: fa.DisturbanceObserver(arm, fa.JointPD(1.0, 1.0)),
+    "simulate_separated": lambda arm: fa.simulate_separated(arm, _motion(arm)),
+    "NonlinearMPC": lambda arm: fa.NonlinearMPC(arm, torque_limit=1.0),
+    "Composite": lambda arm: fa.Composite(arm),
+    "SlidingMode": lambda arm: fa.SlidingMode(arm, 5.0, 1.0),
+    "Adaptive": lambda arm: fa.Adaptive(arm, 5.0, 1.0, 1.0),
 }
 
 
@@ -61,6 +59,7 @@ OF_BASES = {
 LOOP = fa.Arm(links=[LINK, LINK], closures=[fa.Closure(link=2, kind="line")])
 START = LOOP.rest([0.0, 0.0])
 OF_CLOSURES = {
+    "linearize_along": lambda arm: fa.linearize_along(arm, _motion(arm)),
     "sensitivities": lambda arm: fa.sensitivities(arm, 0.1, parameters=["gravity[1]"]),
     "goal_gradient": lambda arm: fa.goal_gradient(
         arm, 0.1, torque=np.zeros((101, 2)), weights={"tip": np.ones((101, 2))}

@@ -139,12 +139,15 @@ def _ease(arm: Arm) -> FloatArray:
     return ease
 
 
-def independent_motions(arm: Arm, q: FloatArray, free: IntArray) -> Motions:
+def independent_motions(
+    arm: Arm, q: FloatArray, free: IntArray, preferred: IntArray | None = None
+) -> Motions:
     """Return the motions of the coordinates ``free`` that keep the loops closed at q (dof,).
 
     The dependent coordinates are joints and the base as far as they move the rows: columns of J,
-    chosen by factorisation with pivoting. Modes are dependent only if joints are locked, or if
-    there are too few of them; then the softest ones.
+    chosen by factorisation with pivoting. The ``preferred`` of them are dependent only if the
+    others do not suffice; modes only if joints are locked, or if there are too few of them, and
+    then the softest ones.
     """
     if not arm.closure_rows:
         nothing = np.zeros(0, dtype=np.intp)
@@ -155,9 +158,17 @@ def independent_motions(arm: Arm, q: FloatArray, free: IntArray) -> Motions:
     sizes = coordinate_sizes(arm)
     scaled = (J * sizes / row_sizes(arm)[:, None])[:, free]
     _refuse_dependent(arm, scaled)
-    order = qr(scaled * _ease(arm)[free], mode="r", pivoting=True)[1]
+    ease = _ease(arm)
+    if preferred is not None:
+        ease[preferred] /= _FIRST**0.5
+    order = qr(scaled * ease[free], mode="r", pivoting=True)[1]
     dependent = free[np.sort(order[: len(J)])]
-    independent = np.setdiff1d(free, dependent)
+    return motions_of(arm, J, np.setdiff1d(free, dependent), dependent)
+
+
+def motions_of(arm: Arm, J: FloatArray, independent: IntArray, dependent: IntArray) -> Motions:
+    """Return the motions of given coordinates that keep the loops with a Jacobian J closed."""
+    sizes = coordinate_sizes(arm)
     solver = np.asarray(np.linalg.inv(J[:, dependent]), dtype=np.float64)
     basis = np.zeros((arm.dof, independent.size))
     basis[independent, np.arange(independent.size)] = 1.0

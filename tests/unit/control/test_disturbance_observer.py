@@ -5,6 +5,7 @@ import pytest
 from rigid_loops import Swing, rigid_arm
 
 import flexarm as fa
+from closed_mechanisms import five_bar
 from flexarm.control.design.rigid_model import RigidParameters
 
 
@@ -80,3 +81,22 @@ def test_measured_torque_is_used_instead_of_the_command():
         largest.append(abs(np.array(observer.kept)).max())
     assert largest[0] > 5.0
     assert largest[1] < 1e-2
+
+
+def test_closure_forces_are_not_part_of_the_estimate_in_a_closed_mechanism():
+    """Moments on the links of the motors of a five-bar; the closure forces are ten times larger."""
+    closed = five_bar(gravity=(0.0, -9.81))
+    arm, pushed, driven = fa.Arm(**closed.fields).rigid(), np.array([-1.5, 0.0, 0.8, 0.0]), [1, 3]
+    end = closed.joints + np.array([0.4, 0.0, 0.3, 0.0])
+    motion = fa.joint_motion(arm, closed.joints, end, 0.6, driven=driven)
+    torque = fa.rigid_torque(arm, motion)
+    inner = fa.JointPD([80.0, 0.0, 80.0, 0.0], [8.0, 0.0, 8.0, 0.0], feedforward=torque)
+    hertz = np.array([2.0, 1.0, 4.0, 1.0])
+    observer = Kept(arm, inner, hertz, compensation=0.0, actuated=driven)
+    loads = [fa.Load(1, moment=pushed[0]), fa.Load(3, moment=pushed[2])]
+    start = arm.rest(motion.joint_angle(0.0))
+    fa.simulate(arm, 0.6, controller=observer, reference=motion, loads=loads, initial=start)
+    found = np.array(observer.kept)
+    law = pushed * (1.0 - np.exp(-2 * np.pi * hertz * 1e-3 * np.arange(len(found))[:, None]))
+    np.testing.assert_allclose(found, law, rtol=0, atol=1e-5)
+    assert not np.any(found[:, [1, 3]])

@@ -396,6 +396,9 @@ def _evaluated(
 ) -> dict[int, Evaluation]:
     own = {name: [arguments.get(name) for _, arguments in group] for name in _OWN}
     seeds = [case.seed for case, _ in group if case.seed is not None and "hardware" in shared]
+    names: tuple[str, ...] = _CHANNELS
+    if group[0][0].prepared.arm.spec.base.free:
+        names = (*names, "base_position")
     try:
         with warnings.catch_warnings():  # kept with the numbers
             warnings.simplefilter("ignore", FlexarmWarning)
@@ -405,14 +408,14 @@ def _evaluated(
                 **{name: _joined(items) for name, items in own.items()},
                 plant=[arguments["plant"] for _, arguments in group],
                 seeds=seeds or None,
-                channels=_CHANNELS,
+                channels=names,
                 threads=1,
                 progress=False,
             )
     except InputError:  # the run alone says why
         return {}
     times = batch["time"].values
-    channels = {name: batch[name].values for name in _CHANNELS}
+    channels = {name: batch[name].values for name in names}
     ends, texts = batch["ended_by"].values, batch["warning"].values
     found = {}
     for row, (case, _) in enumerate(group):

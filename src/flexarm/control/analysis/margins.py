@@ -25,6 +25,7 @@ from flexarm.control.analysis.sampled_loop import (
 from flexarm.control.contract.base import (
     Controller,
     Reference,
+    around,
     check_controller,
     check_reference,
     has_poles,
@@ -84,10 +85,11 @@ def loop_at(
         instruments += [Instrument(signal=name) for name in more if name in CHANNEL_OUTPUTS]
     signals = signals_of(instruments)
     rate, (arm, mine_of) = sliding(controller, reference, arm, own if own is not None else arm)
-    model = model_at(arm, posture, signals, contacts)
+    actuated = next((law.actuated for law in around(controller) if hasattr(law, "actuated")), None)
+    model = model_at(arm, posture, signals, contacts, actuated)
     believed = None
     if mine_of is not arm:
-        believed = model_at(mine_of, posture, signals, contacts)
+        believed = model_at(mine_of, posture, signals, contacts, actuated)
     stay = getattr(controller, "at_rest", None)
     mine = stay() if callable(stay) else controller
     return loop_of(mine, model, instruments, hardware, still, t, believed, rate)

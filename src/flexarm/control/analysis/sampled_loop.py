@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import turning_joints
+from flexarm.base.arguments import check_posture
 from flexarm.base.errors import InputError, Problem
 from flexarm.control.analysis.linear_controller import (
     FrozenReference,
@@ -20,10 +22,9 @@ from flexarm.control.analysis.linear_controller import (
 )
 from flexarm.control.contract.base import Controller, Reference, around
 from flexarm.control.design.linear_design import held
+from flexarm.control.design.minimal import MinimalCoordinates
 from flexarm.control.hardware.measurement import FloatArray, faulty, filter_of, stride_and_delay
-from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import OutputName, component_places, solved_each
-from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model import Contact, Hardware, Instrument, InstrumentFault, Motors, Sensor
 
 #: Largest number of states, and largest period (samples) after which all instruments repeat.
@@ -311,18 +312,27 @@ def signals_of(instruments: Sequence[Instrument]) -> list[OutputName]:
 
 
 def model_at(
-    arm: Arm, posture: ArrayLike, signals: Sequence[OutputName], contacts: Sequence[Contact] = ()
+    arm: Arm,
+    posture: ArrayLike,
+    signals: Sequence[OutputName],
+    contacts: Sequence[Contact] = (),
+    actuated: Sequence[int] | None = None,
 ) -> PlantModel:
-    """Linearise an arm at rest in a posture (joints,) rad."""
-    rest = equilibrium(arm, posture, contacts=contacts)
-    model = linearize(arm, rest, outputs=signals)
+    """Linearise an arm at rest in a posture (joints,) rad; without the drift of a free base.
+
+    Joints that are not ``actuated`` have no torque.
+    """
+    angles = check_posture("posture", posture, arm.joints, turning_joints(arm))
+    coordinates = MinimalCoordinates(arm, actuated, angles, contacts)
+    rest = coordinates.at_rest(coordinates.closed(angles), contacts)
+    model = coordinates.linearized(rest, ("torque",), signals)
     found: dict[OutputName, Signal] = {}
     for signal in signals:
         names = signal.labels() if isinstance(signal, Sensor) else [signal]
         rows = component_places(model.outputs, names)
         ends = tuple("".join(model.outputs[k].rpartition("[")[1:]) for k in rows)
         found[signal] = Signal(model.output[rows], model.C[rows], model.D[rows], ends)
-    return PlantModel(model.A, model.B, found)
+    return PlantModel(model.A, model.B * coordinates.driven, found)
 
 
 def loop_of(

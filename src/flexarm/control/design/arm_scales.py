@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.design.linear_design import DISTURBANCES, DesignRequirements, check_names
-from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.state_space import CHANNEL_OUTPUTS
 from flexarm.linear.vibration.modal import lowest_frequency
@@ -59,10 +58,13 @@ def typical_rate(arm: Arm, sample_time: float) -> float:
 def typical_torque(arm: Arm, posture: ArrayLike | None, rate: float) -> FloatArray:
     """Return the torques (joints,) N m that accelerate each joint at ``typical_rate`` (rad/s).
 
-    By a quarter of its square, for the rigid model in a posture (joints,) rad; zero by default.
+    By a quarter of its square, for the rigid model in a posture (joints,) rad; zero by default. The
+    base and the other joints are at rest, without closures.
     """
     at = np.zeros(arm.joints) if posture is None else np.asarray(posture, dtype=np.float64)
-    torque: FloatArray = _BRISK * rate**2 * np.diag(RigidModel(arm).mass_matrix(at))
+    rigid = arm.rigid()
+    inertia = np.diag(rigid.mass_matrix(rigid.rest(at)))[rigid.joint_index]
+    torque: FloatArray = _BRISK * rate**2 * inertia
     return torque
 
 

@@ -12,10 +12,9 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.arguments import check_each
 from flexarm.base.errors import InputError, Problem, shown
+from flexarm.control.design.minimal import MinimalCoordinates
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import INPUTS, LinearModel, component_places
-from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model.wording import nearest
 
 #: Energy of the unknown elastic forces relative to that of `bending`, and acceptable relative
@@ -31,7 +30,8 @@ _DOUBLINGS, _CONVERGED = 60, 1e-13
 class Design:
     """Gains at one posture.
 
-    The state x is the deviation of (q, qd), n = 2 dof; z are k integrals.
+    The state x is the deviation of (q, qd), n = 2 dof; z are k integrals. For mechanisms, read dof
+    as the number of `MinimalCoordinates`, and dof - joints as that of the unbalanced ones.
     """
 
     posture: FloatArray  # (joints,) rad
@@ -123,7 +123,10 @@ def sizes_of(argument: str, model: LinearModel, given: Mapping[str, ArrayLike]) 
 
 
 def design(
-    arm: Arm, posture: FloatArray, requirements: DesignRequirements, sample_time: float
+    coordinates: MinimalCoordinates,
+    posture: FloatArray,
+    requirements: DesignRequirements,
+    sample_time: float,
 ) -> Design:
     """Design a regulator and a filter at rest in a posture, under gravity; (C.22) to (C.26).
 
@@ -136,55 +139,60 @@ def design(
     listed = *requirements.acceptable, *requirements.measured, *requirements.integrated
     names = tuple(dict.fromkeys(listed))
     inputs = tuple(dict.fromkeys(["torque", *requirements.disturbance]))
-    rest = equilibrium(arm, posture)
-    model = linearize(arm, rest, inputs=inputs, outputs=names)
-    elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
-    A, B_all = sampled(model, sample_time, np.eye(arm.dof)[:, elastic])
+    arm, elastic, unbalanced = coordinates.arm, coordinates.elastic, coordinates.unbalanced
+    rest = coordinates.at_rest(posture)
+    model = coordinates.linearized(rest, inputs, names)
+    A, B_all = sampled(model, sample_time, np.eye(len(model.mass))[:, unbalanced])
     n, m = len(A), arm.joints
-    B, C = B_all[:, :m], rows_of(model, tuple(requirements.measured))
+    # Passive joints have no torque: their columns of zeros leave their gains zero.
+    B = B_all[:, :m] * coordinates.driven
+    C = rows_of(model, tuple(requirements.measured))
     Z = sample_time * rows_of(model, tuple(requirements.integrated))
-    if len(Z) > m:
-        rule = f"have at most one component for each joint of the arm ({m})"
+    motors = int(np.count_nonzero(coordinates.driven))
+    if len(Z) > motors:
+        rule = f"have at most one component for each joint of the arm ({motors})"
         raise InputError(Problem("integral", rule, str(len(Z))))
     scale = sizes_of("acceptable", model, requirements.acceptable)
     outputs = rows_of(model, tuple(requirements.acceptable)) / scale[:, None]
     windup = sizes_of("integral", model, requirements.integrated)
     weight = block_diag(outputs.T @ outputs, np.diag(windup**-2.0))
     unsure = requirements.rigidity_uncertainty
-    stiffness, bend_energy = bending(arm, model, requirements.acceptable_torque)
+    stiffness, bend_energy = bending(coordinates, model, requirements.acceptable_torque)
     weight[np.ix_(elastic, elastic)] += bend_weight(unsure, stiffness, bend_energy)
     torque_weight = np.diag(requirements.acceptable_torque**-2.0)
     A_z = np.block([[A, np.zeros((n, len(Z)))], [Z, np.eye(len(Z))]])
     B_z = np.vstack([B, np.zeros((len(Z), m))])
-    sizes = coordinate_sizes(arm)
+    sizes = coordinate_sizes(arm)[coordinates.chosen]
     sizes = np.append(sizes, requirements.rate * sizes)
     gain, cost = regulator(A_z, B_z, weight, torque_weight, np.append(sizes, windup))
     strength = sizes_of("disturbance", model, requirements.disturbance)
     pushed = columns_of(model, tuple(requirements.disturbance), B_all) * strength
     # Covariance of torques and elastic forces that represent the model error: (C.39).
-    forced = B_all[:, B_all.shape[1] - elastic.size :]
+    forced = B_all[:, B_all.shape[1] - unbalanced.size :]
+    bent = forced[:, np.isin(unbalanced, elastic)]
     torques = (requirements.recovery * requirements.acceptable_torque) ** 2
-    unknown = B * torques @ B.T + _NOISE * unsure**2 * bend_energy * forced @ stiffness @ forced.T
+    unknown = B * torques @ B.T + _NOISE * unsure**2 * bend_energy * bent @ stiffness @ bent.T
     noise = np.diag(sizes_of("measured", model, requirements.measured) ** 2)
     estimator, spread, seen = kalman(A, C, pushed @ pushed.T + unknown, noise, sizes)
-    at_rest = posture, rest.q[elastic], A, B, B_all[:, B_all.shape[1] - elastic.size :]
+    sag = np.delete(rest.q, arm.joint_index)
+    at_rest = posture, sag, A, B, forced
     gains = gain, cost, weight, torque_weight
     return Design(*at_rest, C, Z, *gains, estimator, spread, seen)
 
 
 def bending(
-    arm: Arm, model: LinearModel, acceptable_torque: FloatArray
+    coordinates: MinimalCoordinates, model: LinearModel, acceptable_torque: FloatArray
 ) -> tuple[FloatArray, float]:
     """Return the stiffness (k, k) of the elastic coordinates, and a typical elastic energy, J.
 
     The energy is that of the bending when each joint accelerates the arm with its acceptable torque
     (joints,) N m, summed over the joints.
     """
-    joints = arm.joint_index
-    elastic = np.setdiff1d(np.arange(arm.dof), joints)
+    joints, elastic = coordinates.led, coordinates.elastic
     mass, stiffness = model.mass, model.stiffness[np.ix_(elastic, elastic)]
     stiffness = 0.5 * (stiffness + stiffness.T)
-    turned = np.linalg.solve(mass[np.ix_(joints, joints)], np.diag(acceptable_torque))
+    numbers = np.searchsorted(coordinates.arm.joint_index, coordinates.chosen[joints])
+    turned = np.linalg.solve(mass[np.ix_(joints, joints)], np.diag(acceptable_torque[numbers]))
     force = mass[np.ix_(elastic, joints)] @ turned
     return stiffness, 0.5 * float(np.sum(force * np.linalg.solve(stiffness, force)))
 

@@ -17,6 +17,7 @@ from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.arguments import as_list
 from flexarm.base.errors import InputError, Problem, check_array, shown
 from flexarm.control.contract.base import Reference
+from flexarm.control.design.minimal import MinimalCoordinates
 from flexarm.control.design.rigid_model import values_of
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.kernels.observation.observables import poses
@@ -34,13 +35,15 @@ class FlexibleModel:
     and accelerations are in rad, rad/s, rad/s^2. Arguments are not checked.
 
     Attributes:
-        arm: the arm. elastic: (dof - joints,) indices in q of the elastic coordinates.
+        arm: the arm. elastic: (dof - joints,) indices in q of the elastic coordinates, and of the
+            base. unbalanced: number of coordinates on which no motor acts.
     """
 
     def __init__(self, arm: Arm) -> None:
         self.arm = arm
         assembly = arm.assembly
         self.elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
+        self.unbalanced = self.elastic.size
         self._kernels = KernelView(assembly.constants)
         self._state = self._kernels.zeros(2)
         self._bodies = assembly.joint_body
@@ -68,6 +71,21 @@ class FlexibleModel:
         kernels.call(inverse_dynamics_many, *motion, kernels.loads, kernels.work, forces)
         found = forces.reshape(count, -1)
         return found[:, joints], found[:, elastic]
+
+    def motion(
+        self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, bend: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return q and qd (T, dof) of a motion, its torques, and the forces without a motor.
+
+        Arguments as for ``forces_many``.
+        """
+        torque, elastic_force = self.forces_many(angle, rate, acceleration, bend)
+        # The arrays have the type of the angles, which are symbols in exported controllers.
+        q = np.zeros_like(angle, shape=(len(angle), self.arm.dof))
+        qd = np.zeros_like(q)
+        q[:, self.arm.joint_index], q[:, self.elastic] = angle, bend
+        qd[:, self.arm.joint_index] = rate
+        return q, qd, torque, elastic_force
 
     def chords(self, angle: FloatArray) -> FloatArray:
         """Return the rotations (joints, dof - joints) of the chords of the links by the bending.
@@ -98,6 +116,44 @@ class FlexibleModel:
         q[self._joint_places], q[self._elastic_places] = angle, bend
         self._kernels.call(poses, self._state, self._poses, self._tip)
         return self._tip[:2].copy()
+
+
+class MechanismModel(FlexibleModel):
+    """Inverse dynamics of a mechanism: passive joints close its loops, a free base is at rest."""
+
+    def __init__(self, coordinates: MinimalCoordinates) -> None:
+        super().__init__(coordinates.arm)
+        self._coordinates = coordinates
+        self.unbalanced = coordinates.unbalanced.size
+
+    def motion(
+        self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, bend: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """See ``FlexibleModel.motion``; the loops are closed with the links bent."""
+        arm, rows = self.arm, list[tuple[FloatArray, ...]]()
+        before: list[FloatArray] = []
+        for now in zip(angle, rate, acceleration, bend, strict=True):
+            if before and all(map(np.array_equal, now, before)):  # as at rest
+                rows.append(rows[-1])
+                continue
+            before = list(now)
+            q, qd, qdd = np.zeros((3, arm.dof))
+            for full, joints in zip((q, qd, qdd), now, strict=False):
+                full[arm.joint_index] = joints
+            q[self.elastic] = now[3]
+            try:
+                q = self._coordinates.motions(q).closed(arm, q)
+            except np.linalg.LinAlgError:
+                rule, hint = "close the loops", "fa.joint_motion(arm, ..., driven=[...]) does."
+                angles = shown(np.round(now[0], 4).tolist())
+                raise InputError(Problem("reference", rule, angles, hint)) from None
+            motions = self._coordinates.motions(q)
+            qd = motions.displacements(qd[motions.independent])
+            force = arm.inverse_dynamics(q, qd, qdd)
+            shares = self._coordinates.shared(force, self._coordinates.basis(q, motions))
+            rows.append((q, qd, *shares))
+        q, qd, torque, missing = (np.array(column) for column in zip(*rows, strict=True))
+        return q, qd, torque, missing
 
 
 class PostureGrid:
@@ -213,7 +269,7 @@ class Nominal(NamedTuple):
 
     Attributes:
         angle: (joints,) rad. q, qd: (dof,). torque: (joints,) N m.
-        missing: (dof - joints,) elastic forces r that no actuator balances, (C.20).
+        missing: (unbalanced,) elastic forces r that no actuator balances, (C.20).
         shown: (p,) nominal measurement.
     """
 
@@ -225,8 +281,8 @@ class Nominal(NamedTuple):
     shown: FloatArray
 
 
-#: Function that returns the measurement (T, p) at joint angles (T, joints), q and qd (T, dof).
-Shown = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+#: Function that returns the measurement (T, p) at q and qd (T, dof).
+Shown = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 class PreviewedReference:
@@ -242,7 +298,7 @@ class PreviewedReference:
         show: function that computes ``shown`` of `Nominal`.
 
     Attributes:
-        missing: (steps, dof - joints) of `Nominal`, from the current sample on.
+        missing: (steps, unbalanced) of `Nominal`, from the current sample on.
     """
 
     def __init__(
@@ -251,13 +307,12 @@ class PreviewedReference:
         self._show = show
         self._model, self._sag, self._sample_time, self._steps = model, sag, sample_time, steps
         arm = model.arm
-        self._joints, self._elastic = arm.joint_index, model.elastic
         # Samples fill these buffers from the start. At the end they are copied back to the start.
         places = 3 * steps + _AHEAD
         self._angle, self._torque = np.zeros((places, arm.joints)), np.zeros((places, arm.joints))
         self._q, self._qd = np.zeros((places, arm.dof)), np.zeros((places, arm.dof))
-        self._missing = np.zeros((places, model.elastic.size))
-        shown = show(self._angle[:1], self._q[:1], self._qd[:1])
+        self._missing = np.zeros((places, model.unbalanced))
+        shown = show(self._q[:1], self._qd[:1])
         self._shown = np.zeros((places, shown.shape[1]))
         self._buffers = (
             self._angle, self._q, self._qd, self._torque, self._missing, self._shown
@@ -336,13 +391,8 @@ class PreviewedReference:
     def along(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Nominal:
         """Return the nominal motion at T times, for a motion of the joints (T, joints)."""
         bend = self._sag.first_at(angle)
-        torque, elastic_force = self._model.forces_many(angle, rate, acceleration, bend)
-        # The arrays have the type of the angles, which are symbols in exported controllers.
-        q = np.zeros_like(angle, shape=(len(angle), self._q.shape[1]))
-        qd = np.zeros_like(q)
-        q[:, self._joints], q[:, self._elastic] = angle, bend
-        qd[:, self._joints] = rate
-        return Nominal(angle, q, qd, torque, -elastic_force, self._show(angle, q, qd))
+        q, qd, torque, elastic_force = self._model.motion(angle, rate, acceleration, bend)
+        return Nominal(angle, q, qd, torque, -elastic_force, self._show(q, qd))
 
 
 class RecordedRun:
@@ -358,7 +408,7 @@ class RecordedRun:
         self._sample_time, self._show = sample_time, show
         arm = model.arm
         self._joints = arm.joint_index
-        self.missing = np.zeros((steps, model.elastic.size))  # zero along a simulated run
+        self.missing = np.zeros((steps, model.unbalanced))  # zero along a simulated run
         try:
             self._time = np.asarray(run.time.values, dtype=np.float64)
             self._q, self._qd = np.asarray(run.q.values), np.asarray(run.qd.values)
@@ -380,7 +430,7 @@ class RecordedRun:
         q, qd = self._state(t)
         torque = self._torque_from(t)
         angle = q[self._joints]
-        shown = self._show(angle[None], q[None], qd[None])[0]
+        shown = self._show(q[None], qd[None])[0]
         return Nominal(angle, q, qd, torque, self.missing[0], shown)
 
     def torques(self, count: int) -> FloatArray:

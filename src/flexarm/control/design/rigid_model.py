@@ -23,6 +23,7 @@ from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.wording import nearest
 from flexarm.motion.dynamics.dynamics_along import Actuation
+from flexarm.motion.dynamics.following_base import FollowingBase
 from flexarm.motion.geometry.inverse_kinematics import rigid_chain, tip_jacobian, tip_jacobian_rate
 
 
@@ -30,7 +31,9 @@ class RigidModel:
     """Inverse dynamics and mass matrix of the rigid model of an arm, with the same kernels.
 
     In a closed mechanism accelerations are those of the ``actuated`` joints, by their numbers,
-    which the other joints follow, and torques act on these joints alone.
+    which the other joints follow, and torques act on these joints alone. A free base follows the
+    joints with the momentum zero, as in Papadopoulos and Dubowsky, IEEE Trans. Robotics and
+    Automation 7 (1991) 750-758.
 
     Joint angles, rates and accelerations (joints,) are relative, in rad, rad/s, rad/s^2. Those of
     several runs have the shape (runs, joints), and so have the torques. Arguments are not checked,
@@ -41,10 +44,11 @@ class RigidModel:
     """
 
     def __init__(self, arm: Arm, actuated: Sequence[int] | None = None) -> None:
-        serial_only(arm.spec, "the rigid model of a controller", UNDRIVEN[:1])
         self.arm = arm.rigid()
+        self._base = _free_base(self.arm) if self.arm.assembly.base else None
+        fixed = self.arm if self._base is None else self._base.fixed
         closed = actuated is not None or self.arm.closure_rows
-        self._actuation = Actuation(self.arm, actuated) if closed else None
+        self._actuation = Actuation(fixed, actuated) if closed else None
         self.joints = arm.joints
         self._kernels = kernels = KernelView(self.arm.assembly.constants)
         self._bodies = self.arm.assembly.joint_body
@@ -64,6 +68,11 @@ class RigidModel:
 
     def _force(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
         """Return the generalised force (joints,) of a motion."""
+        if self._base is not None:
+            q, qd = self._base.placed(angle), self._base.placed(rate)
+            qd[self._base.places] = self._base.rates_at_rest(q, rate)
+            qdd = self._base.accelerated(q, qd, acceleration)
+            return self.arm.inverse_dynamics(q, qd, qdd)[self.arm.joint_index]
         self._state[0, self._bodies, 0] = angle
         self._state[1, self._bodies, 0] = rate
         self._acceleration[self._bodies, 0] = acceleration
@@ -72,7 +81,7 @@ class RigidModel:
         return torque
 
     def _torques(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
-        if self._actuation is not None:
+        if self._actuation is not None or self._base is not None:
             return np.array(
                 [self.torque(*row) for row in zip(angle, rate, acceleration, strict=True)]
             )
@@ -97,10 +106,27 @@ class RigidModel:
         self._state[0, self._bodies, 0] = angle
         self._kernels.call(mass_matrix, self._state, self._kernels.work, self._mass)
         found: FloatArray = self._mass[self._bodies, 0][:, self._bodies, 0]
+        if self._base is not None:
+            own, coupling = self._base.split(self._base.placed(angle))
+            found = found - coupling.T @ np.linalg.solve(own, coupling)
         if self._actuation is not None:
             P = self._actuation.motions(angle)
             return np.asarray(P.T @ found @ P)
         return found.copy()  # in the layout of that of several, for the same rounding of products
+
+
+def _free_base(rigid: Arm) -> FollowingBase:
+    """Return the base of a rigid arm on whose place and rate no force depends.
+
+    Raises:
+        InputError: if springs, dampers or gravity move the base, which no instrument reads.
+    """
+    spec = rigid.spec
+    held = any((*spec.base.stiffness, *spec.base.damping))
+    if held or ("angle" in spec.base.free and any(spec.gravity)):
+        rule = "is not supported for a base with springs or dampers, or that turns under gravity"
+        raise InputError(Problem("the rigid model of a controller", rule))
+    return FollowingBase(rigid)
 
 
 #: Number of corrections of the sag at the first call. Each one reduces the error by about the ratio
@@ -170,13 +196,14 @@ class RigidParameters:
         names: as given. values: (p,), of the arm. known: number of leading rows of the regressor
             that belong to no parameter. joints: number of joints.
 
-    Arguments of methods are not checked. Results are buffers that the next call overwrites.
+    Arguments of methods are not checked. Results are buffers that the next call overwrites. The
+    model has no closures: their forces act as torques of the joints.
     """
 
     def __init__(
         self, arm: Arm, names: Sequence[str] = (), smoothing_rate: FloatArray | None = None
     ) -> None:
-        serial_only(arm.spec, "a controller with parameters of the rigid model")
+        serial_only(arm.spec, "a controller with parameters of the rigid model", UNDRIVEN[:1])
         self.names, self.joints = tuple(names), arm.joints
         rigid = arm.rigid()
         exact = rigid.assembly.constants

@@ -28,7 +28,9 @@ from flexarm.control.contract.parametrised import OfArm, Parametrised
 from flexarm.control.design.arm_scales import default_cutoff
 from flexarm.control.design.rigid_model import RigidParameters
 from flexarm.model import Hardware
+from flexarm.model.arm.spec import UNDRIVEN
 from flexarm.model.drives.around import DisturbanceObserverParameters, RepetitiveParameters
+from flexarm.motion.dynamics.dynamics_along import Actuation
 
 
 class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
@@ -39,9 +41,11 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
     through a first-order filter. It needs neither accelerations nor the inverse mass matrix.
 
     The observer uses the measured "torque" if an instrument reads it, and the requested torque
-    otherwise.
+    otherwise. In a mechanism with closures it estimates torques of the actuated joints with the
+    effect of the disturbance on the independent motions.
     """
 
+    _unsupported = UNDRIVEN[:1]
     inner: Controller
 
     def __post_init__(self) -> None:
@@ -49,6 +53,8 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
             hertz = default_cutoff(self.arm, self.sample_time)
             self.cutoff = np.full(self.arm.joints, hertz)
         self._model = RigidParameters(self.arm)
+        closed = self.actuated is not None or self.arm.closure_rows
+        self._actuation = Actuation(self.arm.rigid(), self.actuated) if closed else None
         self._taken = self._filtered()
 
     def _filtered(self) -> FloatArray:
@@ -75,6 +81,8 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
         nothing = 0.0 * now[0]
         # The first sample has no interval before it that the estimate could follow.
         own = {"momentum": now, "commanded": nothing, "estimate": nothing, "intervals": np.zeros(1)}
+        if self._actuation is not None:
+            own["angle"] = np.array(readings.joint_angle)
         return {**own, **super().initial_memory(readings, inputs)}
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
@@ -84,11 +92,17 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
         pushed = (now[0] - memory["momentum"][0]) / self.sample_time
         pushed -= readings.get("torque", memory["commanded"])
         pushed -= 0.5 * (now[1] + memory["momentum"][1])
+        if self._actuation is not None:
+            # The closure forces vanish; they are not constant over the sample, nor are the motions.
+            middle = 0.5 * (memory["angle"] + readings.joint_angle)
+            pushed = pushed @ self._actuation.motions(middle)
         pushed -= memory["estimate"]
         estimate = memory["estimate"] + memory["intervals"] * (self._taken * pushed)
         inside, torque = self._inner_step(memory, readings, inputs)
         torque = torque - self.compensation * estimate
         own = {"momentum": now, "commanded": torque, "estimate": estimate, "intervals": np.ones(1)}
+        if self._actuation is not None:
+            own["angle"] = np.array(readings.joint_angle)
         return {**own, **inside}, torque
 
 

@@ -31,7 +31,6 @@ from flexarm.control.contract.base import (
 from flexarm.control.contract.parametrised import OfArm, Parametrised
 from flexarm.control.design.rigid_model import RigidModel, SaggingArm
 from flexarm.control.hardware.measurement import filter_of
-from flexarm.model.arm.spec import UNDRIVEN
 from flexarm.model.drives.controllers import (
     ComputedTorqueParameters,
     JointPDParameters,
@@ -193,7 +192,8 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
     """Computed torque with the rigid model of an arm.
 
     In a mechanism with closures the actuated joints follow their errors, and the other joints
-    follow them as the closures require; theory page "mechanisms", (M.24).
+    follow them as the closures require; theory page "mechanisms", (M.24). A free base has the
+    momentum zero: then the joints of a free-flying arm follow their errors, too, (M.27).
 
     Without a reference the controller keeps the angles of its first measurement. On a rigid arm the
     errors satisfy a linear equation of second order, (C.2). The model has no flexible links, so on
@@ -201,7 +201,7 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
     """
 
     vectorized = True
-    _unsupported = UNDRIVEN[:1]
+    _unsupported = ()
 
     _: KW_ONLY
     feedforward: Callable[[float], ArrayLike] | None = Field(

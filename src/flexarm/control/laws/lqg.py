@@ -42,9 +42,11 @@ from flexarm.control.design.linear_design import (
     rows_of,
     sizes_of,
 )
+from flexarm.control.design.minimal import MinimalCoordinates, refuse_damped_drift
 from flexarm.control.design.nominal import (
     FlexibleModel,
     Interpolated,
+    MechanismModel,
     Nominal,
     PostureGrid,
     PreviewedReference,
@@ -53,6 +55,7 @@ from flexarm.control.design.nominal import (
 )
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.model.arm.spec import UNDRIVEN
 from flexarm.model.drives.linear import CompositeParameters, LQGParameters
 
 #: Number of intervals of the preview, its most samples, which take a minute to compute, and its
@@ -66,16 +69,22 @@ class LQG(LQGParameters, OfArm, Controller):
     The design uses `linearize` at rest in a posture, sampled exactly. The elastic forces along the
     reference are known in advance, and the preview compensates them optimally.
 
+    In a mechanism the state is that of independent coordinates, and joints that are not
+    ``actuated`` have no torque. A base that moves freely is at rest in the nominal motion, and the
+    design leaves out its drift with the whole arm; theory page "mechanisms", (M.25), (M.26).
+
     Attributes:
         designs: the `Design` of each posture of the grid.
 
     Raises:
         InputError: if a shape, name or number is wrong, ``acceptable`` gives no weight to an
-            undamped mode, or a mode is not detectable from ``measured``.
+            undamped mode, a mode is not detectable from ``measured``, or a posture needs torques of
+            joints without a motor.
         EquilibriumError: if the arm has no equilibrium at a posture.
     """
 
     vectorized = analytic = True  # along a reference
+    _unsupported: ClassVar[tuple[str, ...]] = ()
     references: ClassVar[str] = "BrysonHo1975 DoyleStein1981 Maciejowski1985 TahkSpeyer1987"
 
     _: KW_ONLY
@@ -91,13 +100,35 @@ class LQG(LQGParameters, OfArm, Controller):
         rate = typical_rate(arm, vars(self)["sample_time"])
         self._scale_defaults(rate)
         self.design_requirements = design_requirements(arm, self, self._regulated(), rate)
-        self._model = FlexibleModel(arm)
         self._strains = strain_matrix(arm)
         self._grid = PostureGrid(self.posture, self.schedule)
+        self._coordinates = self._placed()
         with one_warning() as bent:
             # The constructor leaves the number in the dictionary of the object, under the property.
             self._design_for(vars(self).pop("sample_time"))
         warn_of_first(bent)
+
+    def _placed(self) -> MinimalCoordinates:
+        """Return the coordinates of the designs; close the loops of the postures of the grid."""
+        refuse_damped_drift(self.arm)
+        coordinates = MinimalCoordinates(self.arm, self.actuated, np.asarray(self.posture))
+        grid, passive = self._grid, ~coordinates.driven
+        self._model = FlexibleModel(self.arm)
+        if coordinates.are_all:
+            return coordinates
+        self._model = MechanismModel(coordinates)
+        grid.postures = coordinates.closed_near(np.asarray(self.posture), grid.postures)
+        requirements = self.design_requirements
+        world = {"tip"} & {*requirements.measured, *requirements.integrated}
+        if coordinates.drifting.size and world:
+            hint = "Motors of the joints cannot stop the drift of a free base."
+            raise InputError(Problem("measured", "must not contain the tip", hint=hint))
+        if np.any(passive) and "joint_angle" in requirements.integrated:
+            rule = "is not supported for the angles of joints without a motor"
+            raise InputError(Problem("integral", rule, hint="Use integral='tip'."))
+        if any(passive[k] for k, *_ in grid.axes):
+            raise InputError(Problem("schedule", "is not supported for joints without a motor"))
+        return coordinates
 
     def _scale_defaults(self, rate: float) -> None:
         """Set the defaults that depend on `typical_rate` (rad/s)."""
@@ -130,12 +161,12 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def _design_all(self) -> tuple[Design, ...]:
         return tuple(
-            design(self.arm, posture, self.design_requirements, self._sample_time)
+            design(self._coordinates, posture, self.design_requirements, self._sample_time)
             for posture in self._grid.postures
         )
 
     def _known_force_gain(self, item: Design) -> FloatArray:
-        """Return the torque per previewed elastic force, (joints, nodes, dof - joints)."""
+        """Return the torque per previewed elastic force, (joints, nodes, forces)."""
         return preview_gain(item, self._previewed, self._stride)
 
     def _prepare(self) -> None:
@@ -188,7 +219,10 @@ class LQG(LQGParameters, OfArm, Controller):
 
     @property
     def estimate(self) -> FloatArray:
-        """Estimated deviation of (q, qd) from the nominal motion at the last sample (2 dof,)."""
+        """Estimated deviation of (q, qd) from the nominal motion at the last sample (2 dof,).
+
+        Of a mechanism, that of its independent coordinates.
+        """
         return np.array(self.memory.get("estimate", np.zeros(self._states)))
 
     def planned(self, t: float, reference: Reference) -> Arrays:
@@ -238,9 +272,9 @@ class LQG(LQGParameters, OfArm, Controller):
         after = {"prediction": applied(predict, pushed), "estimate": estimate, "integral": integral}
         return {**after, **more}, torque
 
-    def _show(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
+    def _show(self, q: FloatArray, qd: FloatArray) -> FloatArray:
         """Return the measurement (T, p) at T instants of the nominal motion."""
-        parts = []
+        parts, angle = [], q[:, self.arm.joint_index]
         for name in self.design_requirements.measured:
             if name == "joint_angle":
                 parts.append(angle)
@@ -440,7 +474,9 @@ class Composite(CompositeParameters, LQG):
     """
 
     references: ClassVar[str] = "SicilianoBook1988"
+    _unsupported = UNDRIVEN
 
+    actuated: ClassVar[None] = None  # type: ignore[misc]
     integral: ClassVar[None] = None  # type: ignore[misc]
     preview: ClassVar[float] = 0.0  # type: ignore[misc]
     nominal: ClassVar[None] = None  # type: ignore[misc]
@@ -494,7 +530,8 @@ class Composite(CompositeParameters, LQG):
         rows = rows_of(model, tuple(weighted))[:, moved] / size[:, None]
         price = np.diag(self.design_requirements.acceptable_torque**-2.0)
         weighed = rows.T @ rows
-        stiffness, energy = bending(arm, model, self.design_requirements.acceptable_torque)
+        acceptable = self.design_requirements.acceptable_torque
+        stiffness, energy = bending(self._coordinates, model, acceptable)
         requirements = self.design_requirements
         weighed[:k, :k] += bend_weight(requirements.rigidity_uncertainty, stiffness, energy)
         sizes = coordinate_sizes(arm)

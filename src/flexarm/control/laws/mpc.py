@@ -11,12 +11,14 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from flexarm.arm.arm import Arm
+from flexarm.base.errors import InputError, Problem
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference, Step, applied
 from flexarm.control.design.linear_design import Design, preview_cost
 from flexarm.control.design.nominal import Nominal
 from flexarm.control.laws.lqg import LQG
 from flexarm.linear.step_derivatives.sampled_step import SampledSteps, Steps
 from flexarm.model import Link, ModalDamping
+from flexarm.model.arm.spec import UNDRIVEN
 from flexarm.model.drives.linear import MPCParameters, NonlinearMPCParameters
 
 #: Largest relative excesses of a plan over a limit. Rounding causes 1e-8 if feedback requests
@@ -281,8 +283,12 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
     """
 
     references = "DiehlBockSchloeder2005 LawsonHanson1974"
+    _unsupported = UNDRIVEN
 
     def __post_init__(self) -> None:
+        if self.actuated is not None:
+            rule = "is not supported for nonlinear predictions"
+            raise InputError(Problem("actuated", rule, hint="Use MPC."))
         if self.modes is not None:
             self.arm = with_modes(self.arm, self.modes)
         super().__post_init__()

@@ -120,8 +120,6 @@ class SlidingController(OfArm, Controller):
     A subclass has the parameters ``bandwidth``, ``strain_gain`` and ``washout``, in its own order.
     """
 
-    _unsupported = None
-
     def __post_init__(self) -> None:
         own: Any = self
         if own.washout is None:

@@ -274,7 +274,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
             )
             warn_caller(text, UnstableLoopWarning)
 
-    def _static_strain(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
+    def _static_strain(self, q: FloatArray, qd: FloatArray) -> FloatArray:
         """Return the strains (T, gauges) at q (T, dof)."""
         shown: FloatArray = q @ self._strains.T
         return shown

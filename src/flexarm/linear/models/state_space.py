@@ -194,10 +194,13 @@ def state_names(arm: Arm) -> tuple[list[str], list[str]]:
     for seat in arm.assembly.seats:
         n = seat.link + 1
         names[seat.angle], rates[seat.angle] = f"joint_angle[{n}]", f"joint_rate[{n}]"
-        units[seat.angle] = "rad"
+        units[seat.angle] = "rad" if arm.spec.joints[seat.link].kind == "revolute" else "m"
         if seat.twist is not None:
             names[seat.twist], rates[seat.twist] = f"joint_twist[{n}]", f"joint_twist_rate[{n}]"
             units[seat.twist] = "rad"
+    for item in arm.assembly.base:
+        names[item.place], rates[item.place] = f"base_{item.name}", f"base_{item.name}_rate"
+        units[item.place] = "rad" if item.name == "angle" else "m"
     counts = [0] * arm.links
     for piece in arm.assembly.pieces:
         for place in range(piece.modal.start, piece.modal.stop):

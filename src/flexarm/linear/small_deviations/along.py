@@ -10,7 +10,7 @@ stiff modes do not require shorter steps.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from itertools import pairwise
 from os import PathLike
@@ -27,9 +27,10 @@ from flexarm.base.errors import InputError, Problem, check_array, public_call
 from flexarm.base.writing.places import check_place, write_whole
 from flexarm.integrate.implicit.gauss import gauss_coefficients
 from flexarm.linear.statics.gaps import warn_of_bristles
-from flexarm.model.arm.spec import UNDRIVEN, serial_only
+from flexarm.model.arm.spec import serial_only
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.motion import Motion
+from flexarm.motion.dynamics.base_motion import BaseMotion, base_motion
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
 from flexarm.motion.motion import check_motion
 
@@ -81,6 +82,7 @@ class Separation:
         kept: (k,) positions in the arm's q of the coordinates that deviate.
         reference: the rigid motion at the samples.
         deviation: matrices at the samples.
+        base_motion: motion of a base that moves, which follows the rigid mechanism.
     """
 
     arm: Arm
@@ -89,6 +91,7 @@ class Separation:
     kept: NDArray[np.intp]
     reference: Reference
     deviation: Deviation
+    base_motion: BaseMotion | None = None
 
     def __repr__(self) -> str:
         samples = f"{self.time.size} samples"
@@ -141,16 +144,13 @@ class Separation:
     def at(self, t: ArrayLike) -> Separation:
         """Return a separation sampled at other times (T,), s, evaluated exactly."""
         times = check_array("t", np.atleast_1d(check_times("t", t)), (-1,))
-        parts = [
-            _sample(self.arm, self.motion, self.kept, times[k : k + _CHUNK])
-            for k in range(0, max(times.size, 1), _CHUNK)
-        ]
+        parts = [_sample(self, times[k : k + _CHUNK]) for k in range(0, max(times.size, 1), _CHUNK)]
         reference, deviation = (
             [np.concatenate(arrays) for arrays in zip(*records, strict=True)]
             for records in zip(*parts, strict=True)
         )
         samples = Reference(*reference), Deviation(*deviation)
-        return Separation(self.arm, self.motion, self.joints, self.kept, *samples)
+        return replace(self, reference=samples[0], deviation=samples[1])
 
     def quasi_static(self) -> FloatArray:
         """Return the quasi-static estimate of dq (T, k), the static deflection under ``r``; (D.7).
@@ -247,10 +247,11 @@ def linearize_along(
 
     The matrices are exact to rounding. They are computed by complex perturbation of the inverse
     dynamics with straight links, (D.3). Where an acceleration jumps, a sample has the value after
-    the jump.
+    the jump. A base that moves follows the rigid mechanism as in `rigid_torque`, and deviates from
+    this motion.
     """
     motion = check_motion(motion, arm)
-    serial_only(arm.spec, "linearisation along a motion", UNDRIVEN)
+    serial_only(arm.spec, "linearisation along a motion", ("closures",))
     warn_of_bristles(arm, "the linear model")
     joints = check_choice("joints", joints, JOINTS)
     if times is None:
@@ -266,17 +267,22 @@ def linearize_along(
     if kept.size == 0:
         raise InputError(Problem("arm", "is rigid and its joints are locked: it has no deviations"))
     none = np.zeros(0)
-    empty = Separation(arm, motion, joints, kept, Reference(*[none] * 5), Deviation(*[none] * 5))
-    return empty.at(times)
+    base = base_motion(arm.rigid(), motion) if arm.assembly.base else None
+    samples = Reference(*[none] * 5), Deviation(*[none] * 5)
+    return Separation(arm, motion, joints, kept, *samples, base).at(times)
 
 
-def _sample(
-    arm: Arm, motion: Motion, kept: NDArray[np.intp], times: FloatArray
-) -> tuple[Reference, Deviation]:
+def _sample(model: Separation, times: FloatArray) -> tuple[Reference, Deviation]:
     """Return the reference and the matrices at times (T,)."""
+    arm, motion, kept = model.arm, model.motion, model.kept
     q, qd, qdd = np.zeros((3, times.size, arm.dof))
     for array, given in zip((q, qd, qdd), motion.state(times), strict=True):
         array[:, arm.joint_index] = given
+    if model.base_motion is not None:
+        places = [item.place for item in arm.assembly.base]
+        rigid = model.base_motion.following.places
+        for array, whole in zip((q, qd, qdd), model.base_motion.states(times), strict=True):
+            array[:, places] = whole[:, rigid]
     along = dynamics_along(arm, q, qd, qdd)
     # With straight links, the joint rows are the torques of the rigid model.
     torque = along.force[:, arm.joint_index]

@@ -53,6 +53,9 @@ class DisturbanceObserverParameters(ControllerParameters):
     sampling frequency."""
     compensation: Fraction = 1.0
     """Fraction of the estimate that is subtracted from the torque; 0 observes only."""
+    _: KW_ONLY
+    actuated: Annotated[Any, Typed(Listed[Count] | None)] = None
+    """Numbers of the joints with a motor in a mechanism with closures; by default all."""
 
 
 class RepetitiveParameters(ControllerParameters):

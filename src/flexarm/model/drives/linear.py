@@ -22,6 +22,7 @@ from flexarm.model.quantities import (
     OneOrEach,
     PerJoint,
     Positive,
+    Typed,
     Word,
     plain,
 )
@@ -93,6 +94,8 @@ class LQGParameters(LinearParameters):
 
     name = "lqg"
     _: KW_ONLY
+    actuated: Annotated[Any, Typed(Listed[Count] | None)] = None
+    """Numbers of the joints with a motor; by default all."""
     acceptable: Named[_PositiveNumbers] | None = None
     """Acceptable deviations of outputs of linear models by name, which determine the weights
     (Bryson's rule); by default 10 mrad of joint_angle, 0.4 % of the length of the arm of tip, and

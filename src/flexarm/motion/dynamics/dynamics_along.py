@@ -16,7 +16,8 @@ from flexarm.arm.closed import gap_bias, held_joints, refuse_open, row_sizes
 from flexarm.base.arguments import check_times
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.kernels.derivatives.inverse_sensitivity import inverse_jacobian_many
-from flexarm.model.arm.spec import UNDRIVEN, serial_only
+from flexarm.model.arm.spec import serial_only
+from flexarm.motion.dynamics.base_motion import BaseMotion, base_motion
 from flexarm.motion.geometry.inverse_kinematics import check_arm, tip_jacobian
 from flexarm.motion.motion import Floats, Motion, check_motion
 
@@ -144,21 +145,39 @@ class Actuation:
 class RigidTorque(MotionTorque):
     """Torque of the rigid model along a motion; callable with the time.
 
-    Before and after the motion it is the static torque of the rigid model: zero without gravity.
+    Before and after the motion it is the static torque of the rigid model: zero without gravity. A
+    base that moves is at rest before the motion, and may move on after it.
 
     Attributes:
         rigid_counterpart: the rigid model of the arm.
         motion: the motion.
         actuation: the actuated joints of a mechanism; None if all joints are.
+        base_motion: motion of a base that moves; None for a fixed base.
     """
 
     rigid_counterpart: Arm
     motion: Motion
     actuation: Actuation | None = None
+    base_motion: BaseMotion | None = None
+
+    @public_call
+    def base_position(self, t: ArrayLike) -> Floats:
+        """Return x, y (m) and angle (rad) of the base, (3,) or (T, 3), at a time (s) or times."""
+        times = check_times("t", t)
+        positions = np.zeros((times.size, 3))
+        if self.base_motion is not None:
+            q = self.base_motion.states(times.reshape(-1)).q
+            for item in self.rigid_counterpart.assembly.base:
+                positions[:, ("x", "y", "angle").index(item.name)] = q[:, item.place]
+        return positions.reshape(*times.shape, 3)
 
     def _at(self, times: Floats) -> Floats:
         state = self.motion.at(times)
-        forces = np.asarray(self.rigid_counterpart.inverse_dynamics_many(*state))
+        if self.base_motion is not None:
+            whole = self.rigid_counterpart.inverse_dynamics_many(*self.base_motion.states(times))
+            forces = np.asarray(whole)[:, self.rigid_counterpart.joint_index]
+        else:
+            forces = np.asarray(self.rigid_counterpart.inverse_dynamics_many(*state))
         if self.actuation is not None:
             pairs = zip(state.angle, forces, strict=True)
             forces = np.array([self.actuation.motions(q).T @ force for q, force in pairs])
@@ -173,6 +192,9 @@ _CHECKS = 17
 def rigid_torque(arm: Arm, motion: Motion, *, actuated: Sequence[int] | None = None) -> RigidTorque:
     """Return the rigid inverse dynamics of an arm along a motion as a function of time.
 
+    A base that moves follows the joints, from its equilibrium at the start of the motion: a free
+    one keeps its momentum zero.
+
     Args:
         arm: flexible or rigid. Masses, hubs, payload and gravity have an effect; flexibility has
             none.
@@ -183,21 +205,23 @@ def rigid_torque(arm: Arm, motion: Motion, *, actuated: Sequence[int] | None = N
             joints. If they are more than the mechanism needs, the torques have the least norm.
 
     Raises:
-        InputError: if the numbers of joints differ, the motion does not keep the loops closed, or
-            the actuated joints cannot drive the mechanism.
+        InputError: if the numbers of joints differ, the motion does not keep the loops closed, the
+            actuated joints cannot drive the mechanism, a base that moves has no equilibrium at the
+            start, or closures connect it with the ground.
     """
     arm = check_arm(arm)
-    serial_only(arm.spec, "the torque of the rigid model", UNDRIVEN[:1])
     rigid, motion = arm.rigid(), check_motion(motion, arm)
+    base = base_motion(rigid, motion) if rigid.assembly.base else None
+    fixed = rigid if base is None else base.following.fixed
     if actuated is None:
         actuated = driven_of(motion)
         if actuated is None and "closures" not in rigid.spec.features:
-            return RigidTorque(rigid, motion)
-    actuation = Actuation(rigid, actuated)
+            return RigidTorque(rigid, motion, None, base)
+    actuation = Actuation(fixed, actuated)
     for q in motion.joint_angle(np.linspace(motion.start_time, motion.end_time, _CHECKS)):
-        refuse_open(rigid, "motion", q, "fa.joint_motion(arm, ..., driven=[...]) does.")
+        refuse_open(fixed, "motion", q, "fa.joint_motion(arm, ..., driven=[...]) does.")
         actuation.motions(q)
-    return RigidTorque(rigid, motion, actuation)
+    return RigidTorque(rigid, motion, actuation, base)
 
 
 def driven_of(motion: object) -> tuple[int, ...] | None:

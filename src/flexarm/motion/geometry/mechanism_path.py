@@ -23,7 +23,8 @@ from flexarm.arm.closed import closed_posture, gap_bias, row_sizes
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.model import Closure
-from flexarm.model.arm.spec import serial_only
+from flexarm.model.arm.spec import UNDRIVEN, serial_only
+from flexarm.motion.dynamics.following_base import FollowingBase
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -156,7 +157,10 @@ def mechanism_path(
         InputError: if the given values do not determine the other joints, or if the path reaches a
             singular posture.
     """
-    serial_only(arm.spec, "a motion of a mechanism", ("a free base",))
+    if tip is not None:
+        serial_only(arm.spec, "a motion of the tip", UNDRIVEN[:1])
+    if tip is None and arm.assembly.base and arm.closure_rows:
+        arm = FollowingBase(arm.rigid()).fixed
     if tip is None and not arm.closure_rows:
         raise InputError(Problem("driven", "is not supported for an arm without closures"))
     start = None if tip is None else tip(0.0).value

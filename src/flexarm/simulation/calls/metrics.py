@@ -43,8 +43,9 @@ METRICS = (
     Metric("saturation", "1", "largest share of the run with a motor at its limit"),
     Metric("controller_time", "s", "computing time of the controller for one sample"),
 )
-#: Channels from which metrics are computed; the last one exists for runs with contacts.
-MEASURED = ("tip", "joint_angle", "torque", "contact_force")
+#: Channels from which metrics are computed; the last ones exist for runs with contacts and for arms
+#: with a base that moves.
+MEASURED = ("tip", "joint_angle", "torque", "contact_force", "base_position")
 
 
 def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArray:
@@ -55,6 +56,19 @@ def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArr
     rigid = arm.rigid()
     angles = reference_angles(reference, times, rigid.joints)
     return np.array([rigid.tip(rigid.rest(angle))[:2] for angle in angles])
+
+
+def on_base(points: FloatArray, base: FloatArray | None) -> FloatArray:
+    """Return points (T, 2) m on a base at x, y and angle (T, 3), given on the base at the origin.
+
+    ``base`` is None for arms on a fixed base.
+    """
+    if base is None:
+        return points
+    cos, sin = np.cos(base[:, 2]), np.sin(base[:, 2])
+    x, y = points.T
+    turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+    return np.asarray(base[:, :2] + turned)
 
 
 def metrics_of(
@@ -82,7 +96,7 @@ class Goal:
             after it.
 
     The first four metrics are relative to the tip of the rigid model along the reference, so they
-    include the sag under gravity.
+    include the sag under gravity. A base that moves carries this tip where the run has the base.
     """
 
     def __init__(
@@ -100,7 +114,7 @@ class Goal:
         """Return the metrics of a run without controller, from its channels ``MEASURED``."""
         moving, after = self._moving, self._after
         tip, torque = channels["tip"], channels["torque"]
-        missed = tip - self._tip
+        missed = tip - on_base(self._tip, channels.get("base_position"))
         distance = np.hypot(*missed.T)
         joints = channels["joint_angle"][moving] - self._joint_angle
         values = dict.fromkeys((metric.name for metric in METRICS), np.nan)

@@ -36,6 +36,7 @@ from flexarm.linear.small_deviations.along import (
     step_edges,
 )
 from flexarm.linear.statics.gaps import refuse_bristles
+from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.motion import check_motion
@@ -101,6 +102,7 @@ def simulate_separated(
     started = time.perf_counter()
     arm = check_kind("arm", arm, Arm)
     refuse_bristles(arm, "the separation", hint="fa.simulate supports them.")
+    serial_only(arm.spec, "the separation", UNDRIVEN)
     motion = check_motion(motion, arm)
     method = check_choice("method", method, METHODS)
     model = linearize_along(arm, motion, joints=joints, times=np.zeros(1))

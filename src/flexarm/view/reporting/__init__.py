@@ -26,7 +26,7 @@ from flexarm.cases.scenario.summary import about_arm, about_run
 from flexarm.identification.result import Identification, is_identification
 from flexarm.model import Contact
 from flexarm.simulation.calls.compare import warnings_of
-from flexarm.simulation.calls.metrics import METRICS, metrics_of, tip_reference
+from flexarm.simulation.calls.metrics import METRICS, metrics_of, on_base, tip_reference
 from flexarm.view.plot import drawn_result
 from flexarm.view.plot.animation.scene import (
     SceneOptions,
@@ -182,7 +182,9 @@ def errors_table(result: xr.Dataset, arm: Arm, reference: Any) -> Table:
 
 def _tip_error(arm: Arm, reference: Any, result: xr.Dataset) -> _FloatArray:
     """Return the distance of the tip from its reference (T,) m."""
-    missed = result["tip"].values - tip_reference(arm, reference, result["time"].values)
+    base = result["base_position"].values if "base_position" in result else None
+    desired = on_base(tip_reference(arm, reference, result["time"].values), base)
+    missed = result["tip"].values - desired
     return np.asarray(np.hypot(*missed.T))
 
 

@@ -20,7 +20,7 @@ from flexarm.base.errors import FlexarmError, InputError, Problem
 from flexarm.cases.scenario.references import motion_of
 from flexarm.control.contract.base import check_reference
 from flexarm.model import Contact, RoundWall, Surface, SurfaceTable, Wall
-from flexarm.simulation.calls.metrics import tip_reference
+from flexarm.simulation.calls.metrics import on_base, tip_reference
 from flexarm.view.plot.drawn_result import (
     FloatArray,
     RigidMotion,
@@ -111,7 +111,10 @@ def scene_of(
     desired = None
     if reference is not None:
         twice = np.concatenate([path_times, now])
-        tips = tip_reference(arm, reference, twice)
+        base = None
+        if "base_position" in result:
+            base = at_times(time, result["base_position"].values, twice)
+        tips = on_base(tip_reference(arm, reference, twice), base)
         desired = tips[: len(path_times)], tips[len(path_times) :]
     marks = marks_of(arm, q, links)
     shown = [links.reshape(-1, 2), path, marks.feet, marks.rails.reshape(-1, 2)]
