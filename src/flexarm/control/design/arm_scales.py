@@ -40,6 +40,8 @@ _BRISK = 0.25
 #: Angle (rad) in a sample time at `typical_rate`: the largest, and that of a rigid arm, whose time
 #: scale is that of its loop.
 _FASTEST, RIGID = 0.08, 0.0064
+#: Largest angle (rad) in a sample time at a bandwidth: the hold delays the loop by half of it.
+_TURNED = 1.0
 #: Default bandwidth of robust loops of the joints, relative to `typical_rate`.
 BANDWIDTH = 1.25
 #: Default noise of encoders (rad) and gauges (strain): both are ratios of lengths.
@@ -54,6 +56,24 @@ def typical_rate(arm: Arm, sample_time: float) -> float:
     """
     lowest = lowest_frequency(arm)
     return min(lowest, _FASTEST / sample_time) if np.isfinite(lowest) else RIGID / sample_time
+
+
+def check_sample_time(arm: Arm, sample_time: float, bandwidth: ArrayLike | None = None) -> None:
+    """Raise if a sample time (s) is too long for the arm, or for a bandwidth (rad/s).
+
+    With fewer than four samples in a period, a vibration of the lowest mode is neither observed nor
+    damped between the samples, although the sampled loop is stable.
+    """
+    longest = 0.5 * math.pi / lowest_frequency(arm)
+    if sample_time > longest:
+        rule = f"be at most {longest:.3g} s for this arm"
+        hint = "That is a quarter of the period of its lowest mode with locked joints."
+        raise InputError(Problem("sample_time", rule, f"{sample_time:g} s", hint))
+    fastest = float(np.max(np.asarray(0.0 if bandwidth is None else bandwidth)))
+    if fastest * sample_time > _TURNED:
+        rule = f"be at most {_TURNED / sample_time:.4g} rad/s"
+        hint = f"Reduce the bandwidth, or the sample_time of {sample_time:g} s."
+        raise InputError(Problem("bandwidth", rule, f"{fastest:g} rad/s", hint))
 
 
 def typical_torque(arm: Arm, posture: ArrayLike | None, rate: float) -> FloatArray:

@@ -29,7 +29,12 @@ from flexarm.control.contract.base import (
     applied,
 )
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.arm_scales import TIP, design_requirements, typical_rate
+from flexarm.control.design.arm_scales import (
+    TIP,
+    check_sample_time,
+    design_requirements,
+    typical_rate,
+)
 from flexarm.control.design.linear_design import (
     Design,
     bend_weight,
@@ -70,8 +75,9 @@ class LQG(LQGParameters, OfArm, Controller):
         designs: the `Design` of each posture of the grid.
 
     Raises:
-        InputError: if a shape, name or number is wrong, ``acceptable`` gives no weight to an
-            undamped mode, or a mode is not detectable from ``measured``.
+        InputError: if a shape, name or number is wrong, ``sample_time`` is too long for the arm,
+            ``acceptable`` gives no weight to an undamped mode, or a mode is not detectable from
+            ``measured``.
         EquilibriumError: if the arm has no equilibrium at a posture.
     """
 
@@ -124,6 +130,7 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def _design_for(self, sample_time: float) -> None:
         """Design the controller of each posture for a sample time (s)."""
+        check_sample_time(self.arm, sample_time, getattr(self, "bandwidth", None))
         self._sample_time = sample_time
         self.designs = self._design_all()
         self._prepare()
@@ -150,6 +157,7 @@ class LQG(LQGParameters, OfArm, Controller):
         samples = round(span / self._sample_time)
         self._stride = max(1, -(-samples // _NODES))
         self._previewed = self._stride * (-(-samples // self._stride))
+        self._delayed = round(self.delay / self._sample_time)
         self._arrays = Interpolated(self._grid, [self._node(item) for item in self.designs])
         self._motion = self._nominal_motion()
         self._joints = self.arm.joints
@@ -166,7 +174,7 @@ class LQG(LQGParameters, OfArm, Controller):
     @property
     def _steps(self) -> int:
         """Number of samples of the nominal motion to compute, including the current one."""
-        return self._previewed + 1
+        return self._delayed + self._previewed + 1
 
     def _nominal_motion(self) -> PreviewedReference | RecordedRun:
         if self.nominal is not None:
@@ -192,17 +200,23 @@ class LQG(LQGParameters, OfArm, Controller):
         return np.array(self.memory.get("estimate", np.zeros(self._states)))
 
     def planned(self, t: float, reference: Reference) -> Arrays:
-        """Return the nominal motion, and its elastic forces at the nodes of the preview."""
+        """Return the nominal motion, and its elastic forces at the nodes of the preview.
+
+        Torques, and the forces of the preview, are those of the time at which the torque acts.
+        """
         if self.nominal is None and isinstance(reference, Rest) and reference.angle.ndim > 1:
             rule = "is required for the readings of several runs at the same time"
             raise InputError(Problem("reference", rule))
-        nominal = self._motion.at(t, reference)
+        nominal, late = self._motion.at(t, reference), self._delayed
+        forces = self._motion.missing
         inputs = {
             "nominal_angle": nominal.angle,
-            "nominal_torque": nominal.torque,
+            "nominal_torque": self._motion.torques(late + 1)[late] if late else nominal.torque,
             "nominal_reading": nominal.shown,
-            "nominal_force": self._motion.missing[: self._previewed + 1 : self._stride],
+            "nominal_force": forces[late : late + self._previewed + 1 : self._stride],
         }
+        if late:
+            inputs["coming_force"] = forces[:late]
         if "tip" in self.design_requirements.integrated:
             inputs["nominal_tip"] = self._desired_tip(nominal)
         return inputs
@@ -211,7 +225,11 @@ class LQG(LQGParameters, OfArm, Controller):
         first = readings[next(iter(self.design_requirements.measured))]
         start = np.zeros((*first.shape[:-1], self._states + self._integrals))
         state, integral = start[..., : self._states], start[..., self._states :]
-        return {"prediction": state, "estimate": state, "integral": integral}
+        memory = {"prediction": state, "estimate": state, "integral": integral}
+        if self._delayed:  # requested deviations that do not act yet
+            waiting = np.zeros((*first.shape[:-1], self._delayed * self._joints))
+            memory["waiting"] = waiting
+        return memory
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         arrays = self._arrays.at(inputs["nominal_angle"])
@@ -219,15 +237,18 @@ class LQG(LQGParameters, OfArm, Controller):
         shown = [readings[name] for name in self.design_requirements.measured]
         missed = np.concatenate(shown, axis=-1) - inputs["nominal_reading"]
         estimate = applied(correct, np.concatenate([memory["prediction"], missed], axis=-1))
-        state = np.concatenate([estimate, memory["integral"]], axis=-1)
+        ahead = self._predicted(estimate, memory, predict, inputs)
+        state = np.concatenate([ahead, memory["integral"]], axis=-1)
         nominal, forces = inputs["nominal_torque"], inputs["nominal_force"]
         feedback, more = self._feedback(memory, state, arrays, inputs)
         desired = nominal + feedback
         torque = self._within_limits(desired, memory)
-        force = forces[0]
-        if estimate.ndim > 1:  # of many runs, which have one nominal motion
-            force = np.broadcast_to(force, (*estimate.shape[:-1], force.size))
-        pushed = np.concatenate([estimate, torque - nominal, force], axis=-1)
+        acting, m = torque - nominal, self._joints
+        if self._delayed:
+            waiting = np.concatenate([memory["waiting"], acting], axis=-1)
+            acting, more = waiting[..., :m], {**more, "waiting": waiting[..., m:]}
+            forces = inputs["coming_force"]
+        pushed = self._pushed(estimate, acting, forces[0])
         integral = memory["integral"]
         if self._integrals:
             rise = self._rise(readings, inputs)
@@ -237,6 +258,23 @@ class LQG(LQGParameters, OfArm, Controller):
             integral = integral + (applied(request, desired - torque) <= 0.0) * rise
         after = {"prediction": applied(predict, pushed), "estimate": estimate, "integral": integral}
         return {**after, **more}, torque
+
+    def _predicted(
+        self, estimate: FloatArray, memory: Arrays, predict: FloatArray, inputs: Arrays
+    ) -> FloatArray:
+        """Return the deviation at the time when the torque of this sample acts."""
+        m = self._joints
+        for k in range(self._delayed):
+            acting = memory["waiting"][..., k * m : (k + 1) * m]
+            estimate = applied(predict, self._pushed(estimate, acting, inputs["coming_force"][k]))
+        return estimate
+
+    @staticmethod
+    def _pushed(state: FloatArray, torque: FloatArray, force: FloatArray) -> FloatArray:
+        """Return a state with its torques and elastic forces, for the prediction of a sample."""
+        if state.ndim > 1:  # of many runs, which have one nominal motion
+            force = np.broadcast_to(force, (*state.shape[:-1], force.size))
+        return np.concatenate([state, torque, force], axis=-1)
 
     def _show(self, angle: FloatArray, q: FloatArray, qd: FloatArray) -> FloatArray:
         """Return the measurement (T, p) at T instants of the nominal motion."""

@@ -35,7 +35,7 @@ from flexarm.control.contract.base import (
     applied,
 )
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.arm_scales import BANDWIDTH, typical_rate
+from flexarm.control.design.arm_scales import BANDWIDTH, check_sample_time, typical_rate
 from flexarm.control.design.linear_design import held
 from flexarm.control.design.loop_shaping import (
     DAMPING,
@@ -81,6 +81,7 @@ class RobustFollower(JointFollower, RobustParameters, OfArm):
             self.bandwidth = np.full(joints, BANDWIDTH * rate)
         # The constructor leaves the number in the dictionary of the object, under the property.
         self._sample_time: float = vars(self).pop("sample_time")
+        check_sample_time(self.arm, self._sample_time, self.bandwidth)
         self._design_for(self._sample_time)
 
     @property
@@ -91,7 +92,9 @@ class RobustFollower(JointFollower, RobustParameters, OfArm):
     @sample_time.setter
     @public_call
     def sample_time(self, value: float) -> None:
-        self._design_for(check_positive("sample_time", value))
+        valid = check_positive("sample_time", value)
+        check_sample_time(self.arm, valid, self.bandwidth)
+        self._design_for(valid)
 
     @abstractmethod
     def _design_for(self, sample_time: float) -> None:
@@ -113,8 +116,8 @@ class LoopShaping(RobustFollower, LoopShapingParameters):
         designs: the `ShapedDesign` of each posture of the grid, with its ``margin``.
 
     Raises:
-        InputError: if a shape or number is wrong, a bandwidth is not below the Nyquist frequency
-            of ``sample_time``, or the Riccati equations have no solution.
+        InputError: if a shape or number is wrong, ``sample_time`` is too long for the bandwidth or
+            the arm, or the Riccati equations have no solution.
         EquilibriumError: if the arm has no equilibrium at a posture.
 
     Warns:
@@ -341,7 +344,7 @@ def uncertain_plant(
     n, slope = arm.dof, model.A.copy()
     # Full complex blocks contain negative loss factors, with which light damping is unstable.
     slope[n:, n:] -= added_damping(arm, model, DAMPING * rigidity)
-    root, shown = shaping(arm, posture, bandwidth, sample_time)
+    root, shown = shaping(arm, posture, bandwidth)
     changes = _changes(arm, posture, model, rigidity, payload)
     pushes = [-np.linalg.solve(model.mass, factor) for _, factor, _ in changes]
     push = np.hstack([np.zeros((n, 0)), *pushes])

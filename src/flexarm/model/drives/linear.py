@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
@@ -83,6 +83,9 @@ class LinearParameters(ControllerParameters):
     """Relative error of the stiffness of the links for which the design is robust, at most 1, such
     as 0.3: elastic forces of this relative size are noise of the filter, and the regulator damps
     vibrations more (Tahk and Speyer 1987)."""
+    delay: NonNegative = 0.0
+    """Delay of the loop by motors and instruments for which the design is made, in whole samples:
+    the state is predicted over it (s)."""
     torque_limit: Annotated[Any, PerJoint(Positive)] | None = None
     """Largest requested torque, one for all joints or one for each (N m); no limit by default."""
     sample_time: SampleTime = 0.001
@@ -111,6 +114,7 @@ class MPCParameters(LQGParameters):
 
     name = "mpc"
     _: KW_ONLY
+    delay: ClassVar[float] = 0.0  # type: ignore[misc]
     torque_limit: Annotated[Any, PerJoint(Positive)]
     """Torque limit (N m), one for all joints or one for each."""
     torque_rate: Annotated[Any, PerJoint(Positive)] | None = None
@@ -182,6 +186,9 @@ class LoopShapingParameters(RobustParameters):
     as 0.3: a third of it is added to the damping ratios of the design model, so that the controller
     does not rely on the frequencies of the links (Collins, King and Bernstein 1992). The arm must
     have damping, too."""
+    delay: NonNegative = 0.0
+    """Delay of the loop by motors and instruments, in whole samples, for which the controller is
+    designed (s)."""
     suboptimality: _Suboptimality = 1.1
     """Ratio of the largest possible stability margin to that of the design."""
     schedule: Annotated[Any, ListPerJoint(Listed[Number] | None)] | None = None

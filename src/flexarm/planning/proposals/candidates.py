@@ -36,13 +36,16 @@ _SLOW_SAMPLE_TIME = 0.002
 _DELAYED = 0.3
 #: Integral feedback relative to the bandwidth: of joint PID, and the most of loop shaping.
 _INTEGRAL, _SHAPED_INTEGRAL = 0.25, 0.1
-#: Least delay margin relative to the delay of the hardware, and least damping ratio.
-_DELAY_MARGIN, _DAMPED = 2.0, 0.02
+#: Least delay that a loop must permit, relative to that of the hardware, which it includes; and
+#: least damping ratio.
+_DELAYS, _DAMPED = 2.0, 0.02
 #: Frequencies of the joint loops, relative to the lowest frequency with locked joints, and their
 #: damping ratios. Loops above half of that frequency bend the links more than they move them.
 _BANDWIDTHS, _DAMPINGS = (0.15, 0.25, 0.4, 0.6, 1.0, 1.5, 2.5), (0.7, 1.2)
 #: Frequencies and damping ratios of the joint loops inside strain feedback, which are stiff.
 _INNER, _INNER_DAMPING, _STRAIN_DAMPING = (1.0, 2.0, 3.0), 1.0, (0.3, 0.6)
+#: Cutoffs of the bending in redefined outputs, and frequencies of the joint loops inside, likewise.
+_REDEFINED, _REDEFINED_BANDWIDTHS = (0.05, 0.15), (0.25, 0.4, 0.6, 1.0)
 #: Crossover frequencies of loop shaping, relative to the same frequency.
 _CROSSOVERS = (0.4, 0.7, 1.1, 1.6)
 #: Acceptable deviations of the tip, relative to the length of the arm, and of the rates, relative
@@ -52,6 +55,8 @@ _TIP, _RATE, _TIP_NOISE, _TIP_INTEGRAL = 0.004, 0.0064, 4e-4, 3e-4
 #: Acceptable angular accelerations relative to the square of that frequency: less than the default,
 #: because the designs must be stable with the uncertain payload, too.
 _BRISK = 0.04
+#: Factors of the acceptable torques: with less torque, loops permit more delay.
+_GENTLE = (1.0, 0.3)
 #: Least rigidity uncertainty of the designs: the model of a real arm is never exact.
 _SOME = 0.1
 #: Bandwidths of force loops relative to the lowest frequency with locked joints.
@@ -188,10 +193,10 @@ def _resonant(needs: Requirements) -> Iterator[Drive]:
 
 
 def _redefined(needs: Requirements) -> Iterator[Drive]:
-    middle = rounded(needs.postures.mean(axis=0))
-    for pair in product(_BANDWIDTHS, _DAMPINGS):
-        inner = _joint_loop(needs, *pair)
-        yield {"kind": "output_redefinition", "posture": middle, "inner": inner}
+    for cutoff, *pair in product(_REDEFINED, _REDEFINED_BANDWIDTHS, _DAMPINGS):
+        hertz = float(f"{cutoff * _frequency(needs) / (2.0 * np.pi):.3g}")
+        posture, inner = rounded(needs.postures.mean(axis=0)), _joint_loop(needs, *pair)
+        yield {"kind": "output_redefinition", "posture": posture, "cutoff": hertz, "inner": inner}
 
 
 def _shaping(needs: Requirements) -> Iterator[Drive]:
@@ -201,6 +206,7 @@ def _shaping(needs: Requirements) -> Iterator[Drive]:
             "kind": "loop_shaping",
             "bandwidth": float(f"{factor * _frequency(needs):.3g}"),
             "rigidity_uncertainty": max(_SOME, needs.rigidity) if damped else 0.0,
+            "delay": needs.delay,
             **_integral_shaping(needs, factor),
             **_designs(needs),
             "sample_time": needs.sample_time,
@@ -240,8 +246,12 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
     if kind == "mpc":
         common["sample_time"] = max(common["sample_time"], _SLOW_SAMPLE_TIME)
     least = max(_SOME, needs.rigidity)
+    if kind != "mpc":
+        common["delay"] = needs.delay
     tried = [(least, 0.0), (max(0.3, least), 0.0), (max(0.3, least), 1.0), (1.0, 1.0)]
-    for unsure, recovery in dict.fromkeys(tried):
+    torque = np.array(common["acceptable_torque"])
+    for gentle, (unsure, recovery) in product(_GENTLE, dict.fromkeys(tried)):
+        common["acceptable_torque"] = rounded(gentle * torque)
         yield {"kind": kind, "rigidity_uncertainty": unsure, "recovery": recovery, **common}
 
 
@@ -293,10 +303,10 @@ class Assessed(NamedTuple):
         margin, ratio = self.margins["delay_margin"], self.margins["damping_ratio"]
         if not self.stable:
             return "is unstable"
-        if margin < _DELAY_MARGIN * delay:
+        if margin + delay < _DELAYS * delay:
             return (
-                f"has a delay margin of {1e3 * margin:.2g} ms, less than {_DELAY_MARGIN:g} times "
-                f"the {1e3 * delay:.2g} ms of its drive"
+                f"permits a delay of only {1e3 * (margin + delay):.3g} ms, less than {_DELAYS:g} "
+                f"times the {1e3 * delay:.3g} ms of its drive"
             )
         if ratio < _DAMPED:
             return f"has a damping ratio of {ratio:.2g}, less than {_DAMPED:g}"

@@ -160,8 +160,8 @@ def design(
     the hardware at the start, in the middle and at the end of the motion, for the arm and for arms
     that differ from it as far as the uncertainty permits. The setting with the required margin and
     the fastest decay is simulated on the arm and on two others; the candidate with the least error
-    in the worst case is proposed. Refused are loops that are unstable, whose delay margin is less
-    than twice the delay of the hardware, or whose slowest vibration has a damping ratio below 0.02.
+    in the worst case is proposed. Refused are loops that are unstable, also with twice
+    the delay of the hardware, or whose slowest vibration has a damping ratio below 0.02.
     Under gravity all candidates have integral feedback and follow a reference of the bent arm.
 
     Args:
@@ -227,6 +227,8 @@ def design(
         rule = "has no controller among the candidates that can be designed for this arm"
         hint = f"Give the links damping, or use other sensors. The last error is: {loops.error}"
         raise InputError(Problem("task", rule, hint=hint))
+    if needs.heavy:
+        _wait_for_integrals(needs, content, found)
     table = _table(needs, content, found, progress)
     chosen = _chosen(needs, found, table)
     refusal = _refusal(needs, found, table, chosen)
@@ -270,6 +272,23 @@ def _table(
     return table
 
 
+def _wait_for_integrals(
+    needs: Requirements, content: dict[str, Any], found: Mapping[str, Assessed]
+) -> None:
+    """Extend the runs until integral feedback has settled, and measure the error after that."""
+    decays = [-one.margins["growth"] for one in found.values() if not one.refusal(needs.delay)]
+    longest = _LONGEST * needs.period
+    time = min(_SETTLED / min(decays, default=np.inf), longest)
+    run = content["run"]
+    after = max(run["settling"] * _AFTER, float(f"{time:.2g}"))
+    if run["settling"]:  # the tasks with a time after the motion
+        end = run["duration"] - run["settling"] * _AFTER
+        content["run"] = run | {
+            "duration": rounded([end + after], 6)[0],
+            "settling": float(f"{after * (1.0 - 1.0 / _AFTER):.2g}"),
+        }
+
+
 def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset) -> str:
     """Return the candidate of least worst error, with the margin or stable on all arms first."""
     worst = table["score"].fillna(np.inf).max("plant")
@@ -304,6 +323,8 @@ _DISTURBED = 0.01
 #: Time before the motion in periods of the lowest frequency; with a force, which is zero at the
 #: start; and time after the motion.
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
+#: Time after the motion under gravity: time constants of the slowest pole, and the most periods.
+_SETTLED, _LONGEST = 6.0, 60.0
 #: Recorded samples in a period of the lowest frequency.
 _RATE = 150.0
 
