@@ -12,7 +12,13 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.control.design.linear_design import DISTURBANCES, DesignRequirements, check_names
+from flexarm.control.design.linear_design import (
+    CHORD,
+    DISTURBANCES,
+    DesignRequirements,
+    check_names,
+)
+from flexarm.control.design.nominal import chord_matrix
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.state_space import CHANNEL_OUTPUTS
@@ -31,7 +37,7 @@ MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
 _ANGLE, TIP, _RATE = 0.01, 0.004, 0.032
 #: Outputs that can be integrated, and their default acceptable integrals times `typical_rate`: rad,
 #: and a fraction of the reach.
-_INTEGRATED = {"joint_angle": 0.0126, "tip": 0.0026}
+_INTEGRATED = {"joint_angle": 0.0126, "tip": 0.0026, CHORD: 0.0126}
 #: Outputs that can have acceptable deviations: all except contacts, which a design excludes.
 _ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("contact_"))
 #: Angular acceleration of the rigid model under `typical_torque`, relative to the square of
@@ -113,10 +119,14 @@ def design_requirements(
     seen = check_names("measured", measured, MEASURED, arm)
     if "tip" in checked and "tip" not in seen:
         raise InputError(Problem("measured", "must contain the tip to integrate it"))
+    if CHORD in checked and not {"joint_angle", "strain"} <= seen.keys():
+        rule = f"must contain joint_angle and strain to integrate {CHORD}"
+        raise InputError(Problem("measured", rule))
+    chords = chord_matrix(arm) if CHORD in checked else None
     acceptable = check_names("acceptable", acceptable, _ACCEPTABLE, arm)
     disturbance = check_names("disturbance", disturbance, DISTURBANCES, arm)
     more = rate, given.recovery, given.rigidity_uncertainty
-    return DesignRequirements(acceptable, torque, seen, disturbance, checked, *more)
+    return DesignRequirements(acceptable, torque, seen, disturbance, checked, *more, chords)
 
 
 #: Exponents of rate, length and force in each unit. Electrical units have no scale in an arm.

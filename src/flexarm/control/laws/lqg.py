@@ -36,6 +36,7 @@ from flexarm.control.design.arm_scales import (
     typical_rate,
 )
 from flexarm.control.design.linear_design import (
+    CHORD,
     Design,
     bend_weight,
     bending,
@@ -190,7 +191,8 @@ class LQG(LQGParameters, OfArm, Controller):
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         first = () if self.nominal is not None else ("joint_angle",)
         requirements = self.design_requirements
-        read = tuple(dict.fromkeys([*first, *requirements.measured, *requirements.integrated]))
+        integrated = [name for name in requirements.integrated if name != CHORD]
+        read = tuple(dict.fromkeys([*first, *requirements.measured, *integrated]))
         gauges = len(self.arm.gauges) if "strain" in read else None
         return ControllerRequirements(self.arm.joints, read, gauges)
 
@@ -309,9 +311,22 @@ class LQG(LQGParameters, OfArm, Controller):
     def _rise(self, readings: Measurement, inputs: Arrays) -> FloatArray:
         """Return the change of the integrals in a sample without limits."""
         (name,) = self.design_requirements.integrated
+        if name == CHORD:
+            return self.sample_time * self._chord_error(readings, inputs)
         desired = inputs["nominal_angle" if name == "joint_angle" else "nominal_tip"]
         rise: FloatArray = self.sample_time * (readings[name] - desired)
         return rise
+
+    def _chord_error(self, readings: Measurement, inputs: Arrays) -> FloatArray:
+        """Return the errors (joints,) of the angles between the chords of the links, rad."""
+        requirements, chords = self.design_requirements, self.design_requirements.chords
+        assert chords is not None  # the designs integrate the chords
+        before = list(requirements.measured)[: list(requirements.measured).index("strain")]
+        start = sum(readings[name].shape[-1] for name in before)
+        nominal = inputs["nominal_reading"][start : start + chords.shape[1]]
+        bent = applied(chords, readings.strain - nominal)
+        error: FloatArray = readings.joint_angle - inputs["nominal_angle"] + bent
+        return error
 
     def _desired_tip(self, nominal: Nominal) -> FloatArray:
         """Return the nominal tip (2,), m: of a reference, that of straight links."""

@@ -101,9 +101,10 @@ class LQGParameters(LinearParameters):
     (Bryson's rule); by default 10 mrad of joint_angle, 0.4 % of the length of the arm of tip, and
     0.032 times the typical rate of joint_rate."""
     integral: _Integral | None = None
-    """Integral feedback: true for the joint angles; or the name of an output, joint_angle or tip
-    (which must be measured); or a mapping from this name to its acceptable integral (rad s, m
-    s)."""
+    """Integral feedback: true for the joint angles; or the name of an output, joint_angle, tip
+    (which must be measured) or chord_angle (of the lines between joints and to the tip, by the
+    strains: it returns the tip under an unknown payload); or a mapping from this name to its
+    acceptable integral (rad s, m s)."""
     preview: NonNegative | None = None
     """Span of the reference that the preview uses, at most 60,000 samples (s); by default 3.2
     divided by the typical rate."""

@@ -15,6 +15,7 @@ from flexarm.cases.scenario.references import Followed, motion_of
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.control.analysis.margins import loop_at, loop_margins, without_friction
 from flexarm.control.design.arm_scales import NOISE
+from flexarm.control.design.linear_design import CHORD
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.laws.task_controller import HybridForce, Impedance
 from flexarm.integrate.base import FloatArray
@@ -237,7 +238,7 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
         measured["tip"] = noise
         common["integral"] = {"tip": integral}
     elif needs.heavy:
-        common["integral"] = True
+        common["integral"] = CHORD
     if needs.heavy:  # the reference of a rigid arm would keep the sag
         common["reference"] = "quasi_static"
     common |= {"measured": measured, **_designs(needs), "sample_time": needs.sample_time}

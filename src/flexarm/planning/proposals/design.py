@@ -324,7 +324,7 @@ _DISTURBED = 0.01
 #: start; and time after the motion.
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
 #: Time after the motion under gravity: time constants of the slowest pole, and the most periods.
-_SETTLED, _LONGEST = 6.0, 60.0
+_SETTLED, _LONGEST = 6.0, 20.0
 #: Recorded samples in a period of the lowest frequency.
 _RATE = 150.0
 
