@@ -37,6 +37,8 @@ _SLOW_SAMPLE_TIME = 0.002
 _DELAYED = 0.3
 #: Integral feedback relative to the bandwidth: of joint PID, and the most of loop shaping.
 _INTEGRAL, _SHAPED_INTEGRAL = 0.25, 0.1
+#: Angle (rad) in a sample time below which a pole is at rest, but for rounding.
+_RESTING = 1e-5
 #: Least delay that a loop must permit, relative to that of the hardware, which it includes; and
 #: least damping ratio.
 _DELAYS, _DAMPED = 2.0, 0.02
@@ -365,7 +367,10 @@ class Loops:
         margins = {name: float(worst(found[name].values)) for name, worst in _MARGINS.items()}
         ratio = found["damping_ratio"].values
         decay = ratio * found["pole_frequency"].values
-        vibrates = ratio < 1.0 - 1e-9
+        # Integrators without effect have poles at zero, but for rounding.
+        vibrates = (ratio < 1.0 - 1e-9) & (
+            2.0 * np.pi * found["pole_frequency"].values * controller.sample_time > _RESTING
+        )
         margins["damping_ratio"] = (
             float(ratio[vibrates][np.argmin(decay[vibrates])]) if vibrates.any() else 1.0
         )

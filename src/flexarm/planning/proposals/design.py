@@ -441,9 +441,11 @@ def reasons_of(
     ]
     if found[chosen].stable:
         margins = found[chosen].margins
+        places = "at the start, in the middle and at the end of the motion"
+        if needs.task == "hold":
+            places = "in its posture"
         text = (
-            f"On {_arms(needs)}, at the start, in the middle and at the end of the motion, the "
-            f"loop of each joint "
+            f"On {_arms(needs)}, {places}, the loop of each joint "
             f"permits a gain factor of {margins['gain_margin']:.2g}, "
             f"{np.degrees(margins['phase_margin']):.0f} degrees of phase and "
             f"{1e3 * margins['delay_margin']:.2g} ms of delay (disk margin "

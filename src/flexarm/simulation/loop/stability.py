@@ -109,7 +109,7 @@ def loop_poles(
         same = [k for k, other in enumerate(plants) if other.spec == part.plant.spec]
         number = same[0] if same else len(plants)
         plants += [] if same else [part.plant]
-        for t, when, *time in _times(part, end, passed):
+        for t, when, begin, until, passing in _times(part, end, passed):
             # After the start, the posture is that of the reference, which rests after its end.
             t = 0.0 if loop.reference is None else min(t, end) if end > 0.0 else t
             key = number, t, b"" if t > 0.0 else plant.joint_angles(loop.initial).tobytes()
@@ -121,7 +121,7 @@ def loop_poles(
                 Exception
             ):  # the run itself reports a missing equilibrium or a failing controller
                 continue
-            found.append(LoopPole(when, *known[key], *time))
+            found.append(LoopPole(when, *known[key], begin, until, passing))
     return found
 
 
