@@ -70,7 +70,8 @@ def check_sample_time(arm: Arm, sample_time: float, bandwidth: ArrayLike | None 
     With fewer than four samples in a period, a vibration of the lowest mode is neither observed nor
     damped between the samples, although the sampled loop is stable.
     """
-    longest = 0.5 * math.pi / lowest_frequency(arm)
+    lowest = lowest_frequency(arm)
+    longest = 0.5 * math.pi / lowest if math.isfinite(lowest) else math.inf
     if sample_time > longest:
         rule = f"be at most {longest:.3g} s for this arm"
         hint = "That is a quarter of the period of its lowest mode with locked joints."

@@ -81,7 +81,6 @@ class RobustFollower(JointFollower, RobustParameters, OfArm):
             self.bandwidth = np.full(joints, BANDWIDTH * rate)
         # The constructor leaves the number in the dictionary of the object, under the property.
         self._sample_time: float = vars(self).pop("sample_time")
-        check_sample_time(self.arm, self._sample_time, self.bandwidth)
         self._design_for(self._sample_time)
 
     @property
@@ -92,9 +91,7 @@ class RobustFollower(JointFollower, RobustParameters, OfArm):
     @sample_time.setter
     @public_call
     def sample_time(self, value: float) -> None:
-        valid = check_positive("sample_time", value)
-        check_sample_time(self.arm, valid, self.bandwidth)
-        self._design_for(valid)
+        self._design_for(check_positive("sample_time", value))
 
     @abstractmethod
     def _design_for(self, sample_time: float) -> None:
@@ -133,6 +130,7 @@ class LoopShaping(RobustFollower, LoopShapingParameters):
     references: ClassVar[str] = "McFarlaneGlover1992 HydeGlover1993 CollinsKingBernstein1992"
 
     def _design_for(self, sample_time: float) -> None:
+        check_sample_time(self.arm, sample_time, self.bandwidth)
         self._grid = PostureGrid(np.asarray(self.posture), self.schedule)
         self._sample_time = sample_time
         with one_warning() as bent:
@@ -233,6 +231,7 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
             hint = f"For this bandwidth, sample_time can be {least:.3g} to {most:.3g} s."
             hint = hint if least < most else "Its values differ too much."
             raise InputError(Problem("bandwidth", rule, few(bandwidth), hint))
+        check_sample_time(self.arm, sample_time)
         if not hasattr(self, "mu"):  # once, at the construction
             arm = self.arm
             for name, without, missing in (
