@@ -59,7 +59,7 @@ _TIP, _RATE, _TIP_NOISE, _TIP_INTEGRAL = 0.004, 0.0064, 4e-4, 3e-4
 #: because the designs must be stable with the uncertain payload, too.
 _BRISK = 0.04
 #: Factors of the acceptable torques: with less torque, loops permit more delay.
-_GENTLE = (1.0, 0.3, 0.1)
+_GENTLE = (1.0, 0.3)
 #: Least rigidity uncertainty of the designs: the model of a real arm is never exact.
 _SOME = 0.1
 #: Bandwidths of force loops relative to the lowest frequency with locked joints.
