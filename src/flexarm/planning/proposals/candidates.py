@@ -268,7 +268,8 @@ def _designs(needs: Requirements) -> Drive:
     tip = "tip" in needs.sensors
     if not (tip or any(needs.arm.spec.gravity)):
         turned[0] = 0.0
-    most = np.argsort(-turned)[: 2 if tip else 1]
+    # Under gravity the sag at each posture belongs to the reference.
+    most = np.argsort(-turned)[: 2 if tip or needs.heavy else 1]
     scheduled = [int(joint) for joint in most if turned[joint] >= _SCHEDULED]
     if not scheduled:
         return {"posture": middle}
