@@ -48,6 +48,32 @@ def test_the_written_scenario_runs(path, tmp_path):
 
 
 @pytest.mark.thorough
+def test_the_hardware_of_a_file_is_that_of_the_scenario(path, tmp_path):
+    hardware, out = tmp_path / "drive.yaml", tmp_path / "design.yaml"
+    encoder = "{signal: joint_angle, resolution: 1e-4, rate_cutoff: 80}"
+    text = f"flexarm: 1\nhardware:\n  instruments: [{encoder}]\n  motors: {{delay: 0.002}}\n"
+    hardware.write_text(text)
+    options = ("--task", "hold", "--computing", "low", "--out", out)
+    outcome = call(path, *options, "--hardware", hardware)
+    assert outcome.exit_code == 0, outcome.output
+    assert "A typical drive is assumed" not in " ".join(outcome.output.split())
+    scenario = fa.load_scenario(out)
+    assert scenario.hardware.motors.delay == 0.002
+    assert [item.rate_cutoff for item in scenario.hardware.instruments] == [80.0]
+
+
+def test_a_file_without_hardware_is_refused(path, tmp_path):
+    outcome = call(path, "--task", "hold", "--hardware", path, "--out", tmp_path / "design.yaml")
+    assert outcome.exit_code == 2
+    assert "hardware is missing" in " ".join(outcome.output.split())
+    other = tmp_path / "drive.yaml"
+    other.write_text("flexarm: 1\nhardware: {motors: {dely: 0.002}}\n")
+    outcome = call(path, "--task", "hold", "--hardware", other, "--out", tmp_path / "design.yaml")
+    assert "hardware.motors.dely is not a known key" in " ".join(outcome.output.split())
+    assert "drive.yaml:2" in "".join(outcome.output.split())
+
+
+@pytest.mark.thorough
 def test_an_existing_file_is_replaced_on_request_only(path, tmp_path):
     out = tmp_path / "mine.yaml"
     out.write_text("mine")
@@ -76,7 +102,7 @@ def test_an_unstable_proposal_fails_and_is_not_written(path, tmp_path, monkeypat
     assert outcome.exit_code == 1
     assert "Task hold: error in mm" in outcome.output
     assert "No candidate is stable on the model" in outcome.output
-    assert "no scenario is written" in outcome.output
+    assert "no candidate is accepted, so no scenario is written" in outcome.output
     assert not out.exists()
 
 

@@ -36,6 +36,7 @@ from typer.testing import CliRunner
 import flexarm as fa
 from flexarm.cli.main import app
 from flexarm.model import ArmSpec, Link, Scenario, load_arm_spec, load_scenario, locate_study
+from flexarm.model.file_format.files import load_hardware
 from flexarm.model.identification import locate_identification
 
 RUNNING = ("yaml", "python", "bash")
@@ -182,6 +183,8 @@ def read_yaml(block: Block) -> None:
         locate_identification(path)
     elif "run" in content:
         load_scenario(path)
+    elif "arm" not in content:
+        load_hardware(path)
     else:
         load_arm_spec(path)
 

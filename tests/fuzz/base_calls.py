@@ -150,7 +150,13 @@ _MOVE = {"arm": arm, "motion": motion}
 #: Other public functions and classes.
 FUNCTIONS: dict[str, dict[str, Any]] = {
     "GeneralizedAlpha": {"step": 1e-3, "spectral_radius": 0.5},
-    "design": {"arm": spinning, "task": "hold", "computing": "low", "duration": 0.1},
+    "design": {
+        "arm": spinning,
+        "task": "hold",
+        "computing": "low",
+        "duration": 0.1,
+        "hardware": fa.Hardware(motors=fa.Motors(delay=1e-3)),
+    },
     "loop_margins": {"controller": controller, "plants": arm, "postures": [start]},
     "loop_models": {"controller": controller, "plant": arm, "posture": start},
     "robustness": {"controller": controller, "plants": arm, "posture": start},

@@ -11,8 +11,9 @@ from arms import chain
 from flexarm.base.errors import Problem
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
-from flexarm.planning.proposals.candidates import Assessed, Candidate, Loops, requirements_of
-from flexarm.planning.proposals.design import _chosen, case_of, plants_of, reasons_of
+from flexarm.planning.proposals.candidates import Assessed, Candidate, Loops, candidates_of
+from flexarm.planning.proposals.design import _chosen, _refusal, case_of, plants_of, reasons_of
+from flexarm.planning.proposals.requirements import requirements_of
 
 DEFAULTS = {
     "sensors": None,
@@ -23,6 +24,7 @@ DEFAULTS = {
     "end": None,
     "duration": None,
     "torque_limit": None,
+    "hardware": None,
     "force": 5.0,
     "disk_margin": 0.4,
 }
@@ -66,7 +68,9 @@ def test_the_proposal_has_the_required_margin_on_all_arms(moved):
         for payload in (0.0, 1.0, 2.0)
         for rigidity in (0.7, 1.0, 1.3)
     ]
-    margins = fa.loop_margins(moved.controller, plants, [[0.0], [0.5]])
+    hardware = moved.scenario.hardware
+    postures = [[0.0], [0.25], [0.5]]
+    margins = fa.loop_margins(moved.controller, plants, postures, hardware=hardware)
     assert margins.growth.max() < 0.0
     # The design has tried the model and the corners, which are every second of these arms.
     tried = margins.isel(plant=slice(None, None, 2))
@@ -77,7 +81,9 @@ def test_the_proposal_has_the_required_margin_on_all_arms(moved):
 @pytest.mark.thorough
 def test_the_candidate_with_the_least_error_in_the_worst_case_is_proposed(moved):
     table = moved.table
-    enough = table.disk_margin >= 0.4
+    delay = moved.scenario.hardware.motors.delay
+    enough = (table.delay_margin >= delay) & (table.damping_ratio >= 0.02)
+    enough = enough & (table.disk_margin >= 0.4)
     worst = table.score.max("plant").where(enough, drop=True)
     assert moved.chosen == worst.candidate.values[worst.argmin("candidate")]
     assert table.sizes["candidate"] == 3
@@ -166,17 +172,114 @@ def test_the_wall_of_a_force_faces_the_base():
 
 @pytest.mark.thorough
 def test_a_force_is_followed():
-    found = fa.design(two_links(gauges=False), "force", force=2.0, duration=1.0, progress=False)
+    options = {"force": 2.0, "duration": 1.0, "progress": False}
+    found = fa.design(two_links(gauges=False), "force", hardware=fa.Hardware(), **options)
     chosen = found.table.sel(candidate=found.chosen, plant="nominal")
     assert chosen.failure.item() == ""
     assert chosen.disk_margin > 0.4
     assert chosen.force_error_rms < 0.1  # 5 % of the force
-    assert {item.signal for item in found.scenario.hardware.instruments} >= {"contact_force"}
+    assert found.refusal == ""
+    needs = needs_of(two_links(gauges=False), "force", force=2.0)
+    assert {item.signal for item in needs.hardware.instruments} == {"joint_angle", "contact_force"}
 
 
 def assessed(disk_margin, growth):
     margins = {"gain_margin": 2.0, "phase_margin": 0.5, "delay_margin": 0.01, "damping_ratio": 0.1}
     return Assessed({}, {"disk_margin": disk_margin, "growth": growth, **margins}, 2)
+
+
+def test_loops_near_instability_or_without_damping_are_refused():
+    needs = needs_of(one_link(), "hold")
+    assert needs.delay == 1e-3  # one sample of the typical drive
+    table = scores(only=[1e-3])
+    sound = assessed(0.5, -1.0)
+    assert _refusal(needs, {"only": sound}, table, "only") == ""
+    for name, value, text in (
+        ("delay_margin", 0.81e-3, "permits a delay of only 1.81 ms, less than 2 times the 1 ms"),
+        ("damping_ratio", 0.006, "has a damping ratio of 0.006, less than 0.02"),
+        ("growth", 2.0, "No candidate is stable on the model"),
+    ):
+        poor = sound._replace(margins={**sound.margins, name: value})
+        assert text in _refusal(needs, {"only": poor}, table, "only")
+        # Another one is proposed, even with more error and less margin.
+        found, errors = (
+            {"poor": poor, "sound": assessed(0.1, -1.0)},
+            scores(poor=[1e-3], sound=[1.0]),
+        )
+        assert _chosen(needs, found, errors) == "sound"
+    assert "does not complete" in _refusal(needs, {"only": sound}, scores(only=[np.nan]), "only")
+
+
+ENCODER = fa.Instrument("joint_angle", resolution=1e-4, rate_cutoff=50.0)
+
+
+def test_the_hardware_of_the_machine_replaces_the_typical_drive():
+    machine = fa.Hardware(
+        [ENCODER, fa.Instrument("strain", delay=5e-4)],
+        motors=fa.Motors(torque_limit=3.0, delay=1e-3, time_constant=2e-3),
+    )
+    needs = needs_of(one_link(), "hold", hardware=machine)
+    assert not needs.typical
+    assert needs.hardware == machine
+    assert needs.sensors == {"joints", "gauges"}
+    assert needs.delay == pytest.approx(3.5e-3)
+    assert needs.torque_limit == pytest.approx([3.0])
+    assert case_of(needs)["hardware"] == machine
+    blind = fa.Hardware([ENCODER])
+    assert needs_of(one_link(), "hold", hardware=blind).sensors == {"joints"}
+    assert needs_of(one_link(), "hold", hardware=fa.Hardware()).delay == 0.0
+    limited = needs_of(one_link(), "hold", hardware=blind, torque_limit=2.0)
+    assert limited.hardware.motors.torque_limit == pytest.approx([2.0])
+
+
+def test_the_typical_drive_has_an_encoder_a_filter_and_a_delay():
+    needs = needs_of(one_link(), "hold")
+    encoder, gauges = needs.hardware.instruments
+    assert encoder.resolution == pytest.approx(2.0 * np.pi / 2**17, rel=1e-3)
+    assert encoder.rate_cutoff == pytest.approx(0.1 / needs.sample_time)
+    assert (gauges.signal, needs.hardware.motors.delay) == ("strain", needs.sample_time)
+    # A small arm is sampled faster, and its drive is faster by as much.
+    small = chain([0.02], [1e-9], flexural_rigidity=1e-4, mass_per_length=1e-3, elements=1)
+    fast = needs_of(small, "hold")
+    assert fast.sample_time < needs.sample_time
+    assert fast.hardware.instruments[0].rate_cutoff == pytest.approx(
+        0.1 / fast.sample_time, rel=0.01
+    )
+
+
+def test_candidates_under_gravity_have_integral_feedback_and_a_reference_of_the_bent_arm():
+    def drives(arm, **options):
+        listed = candidates_of(needs_of(arm, "point_to_point", torque_limit=5.0, **options))
+        return {candidate.name: candidate.drives[0] for candidate in listed}
+
+    heavy = fa.Arm(one_link().spec.replace(gravity=(0.0, -9.81)))
+    found = drives(heavy)
+    assert list(found) == ["LQG", "output redefinition", "joint PID"]
+    assert found["LQG"]["integral"] == "chord_angle"
+    assert found["LQG"]["reference"] == "quasi_static"
+    assert found["LQG"]["delay"] == 1e-3
+    assert found["output redefinition"]["inner"]["integral"][0] > 0.0
+    assert found["joint PID"]["integral"][0] > 0.0
+    for drive in (found["LQG"], found["joint PID"], found["output redefinition"]["inner"]):
+        assert drive["torque_limit"] == [5.0]
+    assert drives(heavy, sensors="joints")["loop shaping"]["integral"] > 0.0
+    free = drives(one_link())
+    assert list(free) == ["LQG", "integral resonant", "joint PD"]
+    assert "integral" not in free["LQG"]
+
+
+@pytest.mark.thorough
+def test_a_payload_that_is_not_expected_does_not_move_the_tip():
+    """The sag of the payload is 20 mm; the goal is 1 mm per metre of the reach."""
+    arm = fa.Arm(one_link().spec.replace(gravity=(0.0, -9.81)))
+    sag = [fa.equilibrium(fa.varied(arm, payload_factor=k), [0.0]) for k in (0.0, 2.0)]
+    low, high = [arm.tip(item.q)[1] for item in sag]
+    assert low - high == pytest.approx(2 * 0.1 * 9.81 * 0.8**3 / (3.0 * 20.0), rel=1e-2)
+    found = fa.design(arm, "point_to_point", payload_uncertainty=1.0, progress=False)
+    assert found.refusal == ""
+    settled = found.table.tip_error_settled.sel(candidate=found.chosen)
+    assert settled.max() < 1e-3 * arm.reach
+    assert found.table.growth.sel(candidate=found.chosen) < 0.0
 
 
 def scores(**values):
@@ -195,7 +298,7 @@ def test_a_stable_candidate_is_proposed_before_an_unstable_one_with_less_error()
     assert _chosen(needs, found, table) == "margin"
 
 
-def test_a_proposal_that_is_not_stable_is_reported_first(monkeypatch):
+def test_a_proposal_that_is_not_stable_is_reported_first(monkeypatch, tmp_path):
     assess = Loops.assess
 
     def unstable(self, drive):
@@ -207,6 +310,10 @@ def test_a_proposal_that_is_not_stable_is_reported_first(monkeypatch):
         found = fa.design(one_link(), "hold", computing="low", sensors="joints", progress=False)
     assert found.reasons[0].startswith("No candidate is stable on the model")
     assert found.text.startswith("# No candidate is stable on the model")
+    assert found.refusal == found.reasons[0]
+    with pytest.raises(fa.InputError, match="the proposal is refused"):
+        found.save(tmp_path / "design.yaml")
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_torque_limit_is_that_of_the_motors_of_all_candidates():

@@ -46,7 +46,12 @@ def test_metrics_of_a_synthetic_run(arm, motion):
     assert found["torque_rms"] == pytest.approx(5.0)
     assert found["torque_peak"] == 4.0
     assert found["controller_time"] == pytest.approx(2.5e-6)
+    assert found["torque_activity"] == 0.0
     assert np.isnan(found["force_error_rms"])
+    # Torques that jump between their limits, and one that rises steadily, over 800 intervals.
+    result["torque"].values[:] = np.stack([3.0 * (-1.0) ** np.arange(t.size), t], axis=1)
+    busy = metrics_of(result, arm, motion)["torque_activity"]
+    assert busy == pytest.approx((6.0 + 0.8 / 800) / (6.0 + 0.8))
     # Vibration more than a second later does not count.
     result["tip"].values[t < 0.7, 1] += 0.1
     late = metrics_of(result, arm, motion, settling=0.3)

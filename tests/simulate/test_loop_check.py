@@ -10,14 +10,14 @@ import flexarm as fa
 from arms import laboratory_arm, table_one_arm
 from flexarm.cli.main import app
 from flexarm.control.contract.base import has_poles
-from flexarm.simulation.loop.stability import AnalysedLoop, differenced, instability
+from flexarm.simulation.loop.stability import AnalysedLoop, differenced, loop_poles, stability
 
 GAINS = [300.0, 80.0], [25.0, 6.0]
 
 
 def instability_of(*loop):
     """Return the description of the instability of a loop."""
-    return instability(AnalysedLoop(*loop))
+    return stability(AnalysedLoop(*loop)).text
 
 
 def paper_arm(**joint):
@@ -139,7 +139,10 @@ def test_surfaces_without_a_force_reference_are_ignored():
     path = Path(__file__).parents[2] / "examples" / "wipe_wall.yaml"
     prepared = prepare(load_scenario(path))
     poles = prepared.loop_poles()
-    assert len(poles) == 2
+    assert [pole.when for pole in poles if not pole.passing] == [
+        "at the start",
+        "at the end of the motion",
+    ]
     assert prepared.unstable_loop(poles) == ""
 
 
@@ -296,3 +299,38 @@ def test_incommensurable_sample_times_are_not_analysed():
     assert instability_of(arm, arm, controller, None, late, (), start, 1.0) == ""
     with pytest.raises(fa.InputError, match="must repeat within 300 samples"):
         fa.loop_margins(controller, arm, hardware=hardware)
+
+
+def test_posture_that_the_motion_passes_is_examined():
+    """Joint 1 feels the payload only where link 2 is across link 1; else its loop is too fast."""
+    links = [fa.Link(length=1.0, flexural_rigidity=4e3, mass_per_length=0.2)] * 2
+    joints, payload = [fa.Joint(hub_inertia=0.3)] * 2, fa.Payload(mass=2.0)
+    arm = fa.Arm(links=links, joints=joints, payload=payload).rigid()
+    encoders, motors = fa.Instrument("joint_angle", rate_cutoff=50.0), fa.Motors(delay=6e-3)
+    late = fa.Hardware([encoders], motors=motors)
+    law = fa.JointPD([200.0, 30.0], [150.0, 12.0])
+    growth = fa.loop_margins(law, arm, [[0.0, 0.5 * np.pi], [0.0, np.pi]], hardware=late).growth[0]
+    assert growth[0] < 0.0 < growth[1]
+    start, end = [0.0, 0.5 * np.pi], [0.0, 1.5 * np.pi]
+    turn = fa.joint_motion(arm, start, end, 4.0)
+    loop = arm, arm, law, turn, late, (), arm.rest(start), 5.0
+    poles = loop_poles(AnalysedLoop(*loop))
+    assert [pole.passing for pole in poles] == [False, False, True, True, True]
+    assert poles[3].growth == pytest.approx(growth[1].item(), rel=1e-5)
+    assert (poles[3].begin, poles[3].end) == pytest.approx((4.0 / 3.0, 8.0 / 3.0), abs=0.4)
+    assert "unstable during the motion, at t = 2 s" in instability_of(*loop)
+    # A motion that is over before the growth is tenfold gives no warning.
+    brief = fa.joint_motion(arm, start, end, 0.5 / growth[1].item())
+    assert instability_of(*loop[:3], brief, *loop[4:]) == ""
+
+
+def test_growth_is_an_attribute_of_the_result_and_a_metric_of_comparisons():
+    arm = paper_arm(hub_inertia=0.1, housing_inertia=0.05)
+    law = fa.JointPD([60.0, 20.0], [12.0, 4.0])
+    motion = straight(arm)
+    table = fa.compare(arm, {"pd": law}, 2.5, {"line": motion}, rate=200.0, progress=False)
+    postures = [motion.joint_angle(0.0), motion.joint_angle(2.0)]
+    # The postures between them decay faster on this line.
+    expected = fa.loop_margins(law, arm, postures).growth.max()
+    assert table.growth.item() == pytest.approx(expected.item(), rel=1e-5)
+    assert table.growth.units == "1/s"

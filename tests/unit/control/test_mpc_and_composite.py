@@ -10,6 +10,7 @@ from scipy.optimize import lsq_linear, minimize
 
 import flexarm as fa
 from flexarm.control.laws import mpc as mpc_module
+from flexarm.simulation.loop.stability import Stability
 
 WISHES = {
     "acceptable": {"tip": 0.002, "joint_rate": 0.3},
@@ -136,7 +137,8 @@ def test_without_a_solution_the_previous_plan_continues(arm, monkeypatch):
     controller = fa.MPC(arm, POSTURE, torque_limit=limit, **WISHES)
     far = fa.joint_motion(arm, [1.0, 1.2], [1.0, 1.2], 1.0)
     # The stability analysis before a run would make additional calls.
-    monkeypatch.setattr(import_module("flexarm.simulation.calls.run"), "instability", lambda *_: "")
+    run = import_module("flexarm.simulation.calls.run")
+    monkeypatch.setattr(run, "stability", lambda *_: Stability("", np.nan))
     solve, calls = mpc_module.least_distance, []
 
     def sometimes(*arguments):
@@ -165,7 +167,8 @@ def test_without_a_solution_the_previous_plan_continues(arm, monkeypatch):
 def test_plans_beyond_a_limit_are_counted(arm, monkeypatch, factor, count):
     controller = fa.MPC(arm, POSTURE, torque_limit=[2.0, 0.7], **WISHES)
     far = fa.joint_motion(arm, [1.0, 1.2], [1.0, 1.2], 1.0)
-    monkeypatch.setattr(import_module("flexarm.simulation.calls.run"), "instability", lambda *_: "")
+    run = import_module("flexarm.simulation.calls.run")
+    monkeypatch.setattr(run, "stability", lambda *_: Stability("", np.nan))
     solve = mpc_module.least_distance
     # Smaller than the changes that the limits allow: a plan that exceeds them.
     monkeypatch.setattr(mpc_module, "least_distance", lambda *given: solve(*given) / factor)

@@ -100,7 +100,9 @@ def _about_prepared(prepared: Prepared, poles: Sequence[LoopPole]) -> Rows:
     rows += _about_integrator(arm, options)
     if prepared.sample_time is not None:
         missing = "not analysed: the controller or an instrument does not permit it"
-        rows.append(("loop", "; ".join(map(_pole, poles)) or missing))
+        worst = max((pole.growth for pole in poles if not pole.passing), default=0.0)
+        shown = [pole for pole in poles if not pole.passing or pole.growth > max(worst, 0.0)]
+        rows.append(("loop", "; ".join(map(_pole, shown)) or missing))
     return rows
 
 

@@ -62,6 +62,10 @@ def design(
         str | None,
         option(LIST, "Limits of the motors, N m, one for all joints or one for each."),
     ] = None,
+    hardware: Annotated[
+        Path | None,
+        option("FILE", "Instruments and motors: a file with hardware; by default a typical drive."),
+    ] = None,
     force: Annotated[float, option("NEWTONS", "Force on the surface (task force).")] = 5.0,
     disk_margin: Annotated[float, option("ALPHA", "Required disk margin on all arms.")] = 0.4,
     out: Annotated[Path, option("FILE", "Scenario file to write: .yaml.")] = Path("design.yaml"),
@@ -69,6 +73,7 @@ def design(
 ) -> None:
     """Propose a controller for a task, with its margins, and write its scenario."""
     from flexarm.arm.arm import load_arm
+    from flexarm.model.file_format.files import load_hardware
     from flexarm.planning.proposals import design as proposals
 
     loaded = load_arm(arm)
@@ -83,6 +88,7 @@ def design(
         "end": places[1],
         "duration": duration,
         "torque_limit": limits[0] if limits and len(limits) == 1 else limits,  # for all joints
+        "hardware": None if hardware is None else load_hardware(hardware),
         "force": force,
         "disk_margin": disk_margin,
     }
@@ -102,8 +108,8 @@ def design(
     screen.print(numbers(title, ["candidate", *(head for _, head, _ in _MARGINS)], rows))
     for text in proposal.reasons:
         print_line("\n".join(textwrap.wrap(text, _WIDTH)))
-    if proposal.table["growth"].sel(candidate=proposal.chosen) > 0.0:
-        print_error("no candidate is stable, so no scenario is written")
+    if proposal.refusal:
+        print_error("no candidate is accepted, so no scenario is written")
         raise typer.Exit(FAILED_RUN)
     proposal.save(out, overwrite=overwrite)
     print_line(f"scenario in {out}")

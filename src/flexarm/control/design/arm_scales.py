@@ -12,7 +12,13 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.control.design.linear_design import DISTURBANCES, DesignRequirements, check_names
+from flexarm.control.design.linear_design import (
+    CHORD,
+    DISTURBANCES,
+    DesignRequirements,
+    check_names,
+)
+from flexarm.control.design.nominal import chord_matrix
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.state_space import CHANNEL_OUTPUTS
 from flexarm.linear.vibration.modal import lowest_frequency
@@ -30,7 +36,7 @@ MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
 _ANGLE, TIP, _RATE = 0.01, 0.004, 0.032
 #: Outputs that can be integrated, and their default acceptable integrals times `typical_rate`: rad,
 #: and a fraction of the reach.
-_INTEGRATED = {"joint_angle": 0.0126, "tip": 0.0026}
+_INTEGRATED = {"joint_angle": 0.0126, "tip": 0.0026, CHORD: 0.0126}
 #: Outputs that can have acceptable deviations: all except contacts, which a design excludes.
 _ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("contact_"))
 #: Angular acceleration of the rigid model under `typical_torque`, relative to the square of
@@ -39,6 +45,8 @@ _BRISK = 0.25
 #: Angle (rad) in a sample time at `typical_rate`: the largest, and that of a rigid arm, whose time
 #: scale is that of its loop.
 _FASTEST, RIGID = 0.08, 0.0064
+#: Largest angle (rad) in a sample time at a bandwidth: the hold delays the loop by half of it.
+_TURNED = 1.0
 #: Default bandwidth of robust loops of the joints, relative to `typical_rate`.
 BANDWIDTH = 1.25
 #: Default noise of encoders (rad) and gauges (strain): both are ratios of lengths.
@@ -53,6 +61,25 @@ def typical_rate(arm: Arm, sample_time: float) -> float:
     """
     lowest = lowest_frequency(arm)
     return min(lowest, _FASTEST / sample_time) if np.isfinite(lowest) else RIGID / sample_time
+
+
+def check_sample_time(arm: Arm, sample_time: float, bandwidth: ArrayLike | None = None) -> None:
+    """Raise if a sample time (s) is too long for the arm, or for a bandwidth (rad/s).
+
+    With fewer than four samples in a period, a vibration of the lowest mode is neither observed nor
+    damped between the samples, although the sampled loop is stable.
+    """
+    lowest = lowest_frequency(arm)
+    longest = 0.5 * math.pi / lowest if math.isfinite(lowest) else math.inf
+    if sample_time > longest:
+        rule = f"be at most {longest:.3g} s for this arm"
+        hint = "That is a quarter of the period of its lowest mode with locked joints."
+        raise InputError(Problem("sample_time", rule, f"{sample_time:g} s", hint))
+    fastest = float(np.max(np.asarray(0.0 if bandwidth is None else bandwidth)))
+    if fastest * sample_time > _TURNED:
+        rule = f"be at most {_TURNED / sample_time:.4g} rad/s"
+        hint = f"Reduce the bandwidth, or the sample_time of {sample_time:g} s."
+        raise InputError(Problem("bandwidth", rule, f"{fastest:g} rad/s", hint))
 
 
 def typical_torque(arm: Arm, posture: ArrayLike | None, rate: float) -> FloatArray:
@@ -95,10 +122,14 @@ def design_requirements(
     seen = check_names("measured", measured, MEASURED, arm)
     if "tip" in checked and "tip" not in seen:
         raise InputError(Problem("measured", "must contain the tip to integrate it"))
+    if CHORD in checked and not {"joint_angle", "strain"} <= seen.keys():
+        rule = f"must contain joint_angle and strain to integrate {CHORD}"
+        raise InputError(Problem("measured", rule))
+    chords = chord_matrix(arm) if CHORD in checked else None
     acceptable = check_names("acceptable", acceptable, _ACCEPTABLE, arm)
     disturbance = check_names("disturbance", disturbance, DISTURBANCES, arm)
     more = rate, given.recovery, given.rigidity_uncertainty
-    return DesignRequirements(acceptable, torque, seen, disturbance, checked, *more)
+    return DesignRequirements(acceptable, torque, seen, disturbance, checked, *more, chords)
 
 
 #: Exponents of rate, length and force in each unit. Electrical units have no scale in an arm.

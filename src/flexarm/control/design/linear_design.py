@@ -22,6 +22,8 @@ from flexarm.model.wording import nearest
 #: of 0.3, LQG with its default weights is stable on the three arms of
 #: docs/performance/measure_robustness.py: links 30 % softer and stiffer, and twice the payload.
 _NOISE, _BEND = 0.25, 0.02
+#: Integral of the angles between the chords of the links, by the measured joint angles and strains.
+CHORD = "chord_angle"
 #: Most doublings of a Riccati equation, and the relative change at its solution.
 _DOUBLINGS, _CONVERGED = 60, 1e-13
 
@@ -66,6 +68,8 @@ class DesignRequirements:
     rate: float  # typical joint rate, rad/s
     recovery: float = 0.0  # torque noise of the filter, relative to the acceptable torque
     rigidity_uncertainty: float = 0.0  # relative error of the links' stiffness
+    #: rotations of the chords of the links by the strains (joints, gauges), if they are integrated
+    chords: FloatArray | None = None
 
 
 def sampled(
@@ -136,7 +140,10 @@ def design(
     """
     from scipy.linalg import block_diag
 
-    listed = *requirements.acceptable, *requirements.measured, *requirements.integrated
+    integrated = dict(requirements.integrated)
+    if CHORD in integrated:  # of the same components as the joint angles
+        integrated["joint_angle"] = integrated.pop(CHORD)
+    listed = *requirements.acceptable, *requirements.measured, *integrated
     names = tuple(dict.fromkeys(listed))
     inputs = tuple(dict.fromkeys(["torque", *requirements.disturbance]))
     arm, elastic, unbalanced = coordinates.arm, coordinates.elastic, coordinates.unbalanced
@@ -147,14 +154,16 @@ def design(
     # Passive joints have no torque: their columns of zeros leave their gains zero.
     B = B_all[:, :m] * coordinates.driven
     C = rows_of(model, tuple(requirements.measured))
-    Z = sample_time * rows_of(model, tuple(requirements.integrated))
+    Z = sample_time * rows_of(model, tuple(integrated))
+    if requirements.chords is not None:
+        Z += sample_time * requirements.chords @ rows_of(model, ("strain",))
     motors = int(np.count_nonzero(coordinates.driven))
     if len(Z) > motors:
         rule = f"have at most one component for each joint of the arm ({motors})"
         raise InputError(Problem("integral", rule, str(len(Z))))
     scale = sizes_of("acceptable", model, requirements.acceptable)
     outputs = rows_of(model, tuple(requirements.acceptable)) / scale[:, None]
-    windup = sizes_of("integral", model, requirements.integrated)
+    windup = sizes_of("integral", model, integrated)
     weight = block_diag(outputs.T @ outputs, np.diag(windup**-2.0))
     unsure = requirements.rigidity_uncertainty
     stiffness, bend_energy = bending(coordinates, model, requirements.acceptable_torque)

@@ -66,37 +66,49 @@ def shaped_design(
     slope: FloatArray = model.A.copy()
     slope[arm.dof :, arm.dof :] -= added_damping(arm, model, DAMPING * given.rigidity_uncertainty)
     bandwidth = np.asarray(given.bandwidth)
-    root, shown = shaping(arm, posture, bandwidth, sample_time)
-    plant = bilinear(*held(slope, model.B, sample_time), shown @ model.C, sample_time)
+    root, shown = shaping(arm, posture, bandwidth)
+    late = round(given.delay / sample_time)
+    sampled = delayed(*held(slope, model.B, sample_time), shown @ model.C, late)
+    plant = bilinear(*sampled, sample_time)
     weight = _weight(root, np.asarray(given.integral))
     A, B, C, D, margin, best = coprime_controller(*in_series(plant, weight), given.suboptimality)
     A, B, C, D = in_series(weight, (A, B, C, D))
     whole = A, B @ shown, C, D @ shown
     A, B, C, D, _ = cont2discrete(whole, sample_time, method="bilinear")
-    growth = sampled_growth(model, (A, B, C, D), sample_time)
+    growth = sampled_growth(model, (A, B, C, D), sample_time, late)
     return ShapedDesign(posture, A, B, C, D, margin, best, growth)
 
 
-def shaping(
-    arm: Arm, posture: FloatArray, bandwidth: FloatArray, sample_time: float
-) -> tuple[FloatArray, FloatArray]:
+def shaping(arm: Arm, posture: FloatArray, bandwidth: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141)."""
-    largest, nyquist = float(np.max(bandwidth)), np.pi / sample_time
-    if largest >= nyquist:
-        rule = f"be below the Nyquist frequency of sample_time {sample_time:g} s, {nyquist:.4g}"
-        hint = "Reduce the bandwidth or the sample time."
-        raise InputError(Problem("bandwidth", f"{rule} rad/s", f"{largest:g}", hint))
     half = np.asarray(np.linalg.cholesky(RigidModel(arm).mass_matrix(posture)), dtype=np.float64)
     root = half * np.sqrt(bandwidth)
     shown: FloatArray = root.T @ np.hstack([np.diag(_LEAD * bandwidth), np.eye(arm.joints)])
     return root, shown
 
 
-def sampled_growth(model: LinearModel, controller: Matrices, sample_time: float) -> float:
-    """Return the largest real part of the poles (1/s) of an arm with a sampled controller."""
+def delayed(
+    A: FloatArray, B: FloatArray, C: FloatArray, samples: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a sampled model whose inputs act whole samples later."""
+    (n, m), size = B.shape, len(A) + samples * B.shape[1]
+    if not samples:
+        return A, B, C
+    whole = np.eye(size, k=m)
+    whole[:n] = np.hstack([A, B, np.zeros((n, size - n - m))])
+    return whole, np.eye(size)[:, size - m :], np.hstack([C, np.zeros((len(C), size - n))])
+
+
+def sampled_growth(
+    model: LinearModel, controller: Matrices, sample_time: float, late: int = 0
+) -> float:
+    """Return the largest real part of the poles (1/s) of an arm with a sampled controller.
+
+    The torques act ``late`` samples later.
+    """
     A, B, C, D = controller
-    own, pushed = held(model.A, model.B, sample_time)
-    loop = np.block([[own + pushed @ D @ model.C, pushed @ C], [B @ model.C, A]])
+    own, pushed, shown = delayed(*held(model.A, model.B, sample_time), model.C, late)
+    loop = np.block([[own + pushed @ D @ shown, pushed @ C], [B @ shown, A]])
     return float(np.log(np.abs(np.linalg.eigvals(loop)).max())) / sample_time
 
 

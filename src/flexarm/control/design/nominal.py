@@ -22,6 +22,7 @@ from flexarm.control.design.rigid_model import values_of
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.kernels.observation.observables import poses
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
+from flexarm.linear.vibration.modal import modes
 
 #: Step of central differences by elastic coordinates, relative to ``modal_size``. It rotates links
 #: by less than 1e-3 rad, so the error is below a millionth.
@@ -462,6 +463,18 @@ class RecordedRun:
         s = min(max(s, 0.0), 1.0)
         found: FloatArray = (1.0 - s) * values[k] + s * values[k + 1]
         return found
+
+
+def chord_matrix(arm: Arm) -> FloatArray:
+    """Return the rotations of `FlexibleModel.chords` by the strains, (joints, gauges).
+
+    For bending in the lowest modes with locked joints, as many as the gauges determine.
+    """
+    model, strains, straight = FlexibleModel(arm), strain_matrix(arm), np.zeros(arm.joints)
+    shapes = modes(arm, straight).shapes[: len(strains)]
+    turned = model.chords(straight) @ shapes[:, model.elastic].T
+    rotations: FloatArray = turned @ np.linalg.pinv(strains @ shapes.T)
+    return rotations
 
 
 def strain_matrix(arm: Arm) -> FloatArray:

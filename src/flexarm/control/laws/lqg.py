@@ -29,8 +29,14 @@ from flexarm.control.contract.base import (
     applied,
 )
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.arm_scales import TIP, design_requirements, typical_rate
+from flexarm.control.design.arm_scales import (
+    TIP,
+    check_sample_time,
+    design_requirements,
+    typical_rate,
+)
 from flexarm.control.design.linear_design import (
+    CHORD,
     Design,
     bend_weight,
     bending,
@@ -77,9 +83,9 @@ class LQG(LQGParameters, OfArm, Controller):
         designs: the `Design` of each posture of the grid.
 
     Raises:
-        InputError: if a shape, name or number is wrong, ``acceptable`` gives no weight to an
-            undamped mode, a mode is not detectable from ``measured``, or a posture needs torques of
-            joints without a motor.
+        InputError: if a shape, name or number is wrong, ``sample_time`` is too long for the arm,
+            ``acceptable`` gives no weight to an undamped mode, a mode is not detectable from
+            ``measured``, or a posture needs torques of joints without a motor.
         EquilibriumError: if the arm has no equilibrium at a posture.
     """
 
@@ -155,6 +161,7 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def _design_for(self, sample_time: float) -> None:
         """Design the controller of each posture for a sample time (s)."""
+        check_sample_time(self.arm, sample_time, getattr(self, "bandwidth", None))
         self._sample_time = sample_time
         self.designs = self._design_all()
         self._prepare()
@@ -181,6 +188,7 @@ class LQG(LQGParameters, OfArm, Controller):
         samples = round(span / self._sample_time)
         self._stride = max(1, -(-samples // _NODES))
         self._previewed = self._stride * (-(-samples // self._stride))
+        self._delayed = round(self.delay / self._sample_time)
         self._arrays = Interpolated(self._grid, [self._node(item) for item in self.designs])
         self._motion = self._nominal_motion()
         self._joints = self.arm.joints
@@ -197,7 +205,7 @@ class LQG(LQGParameters, OfArm, Controller):
     @property
     def _steps(self) -> int:
         """Number of samples of the nominal motion to compute, including the current one."""
-        return self._previewed + 1
+        return self._delayed + self._previewed + 1
 
     def _nominal_motion(self) -> PreviewedReference | RecordedRun:
         if self.nominal is not None:
@@ -213,7 +221,8 @@ class LQG(LQGParameters, OfArm, Controller):
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         first = () if self.nominal is not None else ("joint_angle",)
         requirements = self.design_requirements
-        read = tuple(dict.fromkeys([*first, *requirements.measured, *requirements.integrated]))
+        integrated = [name for name in requirements.integrated if name != CHORD]
+        read = tuple(dict.fromkeys([*first, *requirements.measured, *integrated]))
         gauges = len(self.arm.gauges) if "strain" in read else None
         return ControllerRequirements(self.arm.joints, read, gauges)
 
@@ -226,17 +235,23 @@ class LQG(LQGParameters, OfArm, Controller):
         return np.array(self.memory.get("estimate", np.zeros(self._states)))
 
     def planned(self, t: float, reference: Reference) -> Arrays:
-        """Return the nominal motion, and its elastic forces at the nodes of the preview."""
+        """Return the nominal motion, and its elastic forces at the nodes of the preview.
+
+        Torques, and the forces of the preview, are those of the time at which the torque acts.
+        """
         if self.nominal is None and isinstance(reference, Rest) and reference.angle.ndim > 1:
             rule = "is required for the readings of several runs at the same time"
             raise InputError(Problem("reference", rule))
-        nominal = self._motion.at(t, reference)
+        nominal, late = self._motion.at(t, reference), self._delayed
+        forces = self._motion.missing
         inputs = {
             "nominal_angle": nominal.angle,
-            "nominal_torque": nominal.torque,
+            "nominal_torque": self._motion.torques(late + 1)[late] if late else nominal.torque,
             "nominal_reading": nominal.shown,
-            "nominal_force": self._motion.missing[: self._previewed + 1 : self._stride],
+            "nominal_force": forces[late : late + self._previewed + 1 : self._stride],
         }
+        if late:
+            inputs["coming_force"] = forces[:late]
         if "tip" in self.design_requirements.integrated:
             inputs["nominal_tip"] = self._desired_tip(nominal)
         return inputs
@@ -245,7 +260,11 @@ class LQG(LQGParameters, OfArm, Controller):
         first = readings[next(iter(self.design_requirements.measured))]
         start = np.zeros((*first.shape[:-1], self._states + self._integrals))
         state, integral = start[..., : self._states], start[..., self._states :]
-        return {"prediction": state, "estimate": state, "integral": integral}
+        memory = {"prediction": state, "estimate": state, "integral": integral}
+        if self._delayed:  # requested deviations that do not act yet
+            waiting = np.zeros((*first.shape[:-1], self._delayed * self._joints))
+            memory["waiting"] = waiting
+        return memory
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         arrays = self._arrays.at(inputs["nominal_angle"])
@@ -253,15 +272,18 @@ class LQG(LQGParameters, OfArm, Controller):
         shown = [readings[name] for name in self.design_requirements.measured]
         missed = np.concatenate(shown, axis=-1) - inputs["nominal_reading"]
         estimate = applied(correct, np.concatenate([memory["prediction"], missed], axis=-1))
-        state = np.concatenate([estimate, memory["integral"]], axis=-1)
+        ahead = self._predicted(estimate, memory, predict, inputs)
+        state = np.concatenate([ahead, memory["integral"]], axis=-1)
         nominal, forces = inputs["nominal_torque"], inputs["nominal_force"]
         feedback, more = self._feedback(memory, state, arrays, inputs)
         desired = nominal + feedback
         torque = self._within_limits(desired, memory)
-        force = forces[0]
-        if estimate.ndim > 1:  # of many runs, which have one nominal motion
-            force = np.broadcast_to(force, (*estimate.shape[:-1], force.size))
-        pushed = np.concatenate([estimate, torque - nominal, force], axis=-1)
+        acting, m = torque - nominal, self._joints
+        if self._delayed:
+            waiting = np.concatenate([memory["waiting"], acting], axis=-1)
+            acting, more = waiting[..., :m], {**more, "waiting": waiting[..., m:]}
+            forces = inputs["coming_force"]
+        pushed = self._pushed(estimate, acting, forces[0])
         integral = memory["integral"]
         if self._integrals:
             rise = self._rise(readings, inputs)
@@ -271,6 +293,23 @@ class LQG(LQGParameters, OfArm, Controller):
             integral = integral + (applied(request, desired - torque) <= 0.0) * rise
         after = {"prediction": applied(predict, pushed), "estimate": estimate, "integral": integral}
         return {**after, **more}, torque
+
+    def _predicted(
+        self, estimate: FloatArray, memory: Arrays, predict: FloatArray, inputs: Arrays
+    ) -> FloatArray:
+        """Return the deviation at the time when the torque of this sample acts."""
+        m = self._joints
+        for k in range(self._delayed):
+            acting = memory["waiting"][..., k * m : (k + 1) * m]
+            estimate = applied(predict, self._pushed(estimate, acting, inputs["coming_force"][k]))
+        return estimate
+
+    @staticmethod
+    def _pushed(state: FloatArray, torque: FloatArray, force: FloatArray) -> FloatArray:
+        """Return a state with its torques and elastic forces, for the prediction of a sample."""
+        if state.ndim > 1:  # of many runs, which have one nominal motion
+            force = np.broadcast_to(force, (*state.shape[:-1], force.size))
+        return np.concatenate([state, torque, force], axis=-1)
 
     def _show(self, q: FloatArray, qd: FloatArray) -> FloatArray:
         """Return the measurement (T, p) at T instants of the nominal motion."""
@@ -305,9 +344,22 @@ class LQG(LQGParameters, OfArm, Controller):
     def _rise(self, readings: Measurement, inputs: Arrays) -> FloatArray:
         """Return the change of the integrals in a sample without limits."""
         (name,) = self.design_requirements.integrated
+        if name == CHORD:
+            return self.sample_time * self._chord_error(readings, inputs)
         desired = inputs["nominal_angle" if name == "joint_angle" else "nominal_tip"]
         rise: FloatArray = self.sample_time * (readings[name] - desired)
         return rise
+
+    def _chord_error(self, readings: Measurement, inputs: Arrays) -> FloatArray:
+        """Return the errors (joints,) of the angles between the chords of the links, rad."""
+        requirements, chords = self.design_requirements, self.design_requirements.chords
+        assert chords is not None  # the designs integrate the chords
+        before = list(requirements.measured)[: list(requirements.measured).index("strain")]
+        start = sum(readings[name].shape[-1] for name in before)
+        nominal = inputs["nominal_reading"][start : start + chords.shape[1]]
+        bent = applied(chords, readings.strain - nominal)
+        error: FloatArray = readings.joint_angle - inputs["nominal_angle"] + bent
+        return error
 
     def _desired_tip(self, nominal: Nominal) -> FloatArray:
         """Return the nominal tip (2,), m: of a reference, that of straight links."""

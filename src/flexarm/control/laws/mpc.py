@@ -348,7 +348,7 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         plan = plans["plan"] = self._next_plan(ready, x, wanted, plans)
         torque = self._within_limits(plan[:m], plans)
         if self._integrals:
-            inputs = {"nominal_angle": nominal.angle}
+            inputs = {"nominal_angle": nominal.angle, "nominal_reading": nominal.shown}
             if "tip" in self.design_requirements.integrated:
                 inputs["nominal_tip"] = self._desired_tip(nominal)
             rise, gain = self._rise(measurement, inputs), self._arrays.arrays[1]

@@ -35,7 +35,7 @@ from flexarm.control.contract.base import (
     applied,
 )
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.arm_scales import BANDWIDTH, typical_rate
+from flexarm.control.design.arm_scales import BANDWIDTH, check_sample_time, typical_rate
 from flexarm.control.design.linear_design import held
 from flexarm.control.design.loop_shaping import (
     DAMPING,
@@ -113,8 +113,8 @@ class LoopShaping(RobustFollower, LoopShapingParameters):
         designs: the `ShapedDesign` of each posture of the grid, with its ``margin``.
 
     Raises:
-        InputError: if a shape or number is wrong, a bandwidth is not below the Nyquist frequency
-            of ``sample_time``, or the Riccati equations have no solution.
+        InputError: if a shape or number is wrong, ``sample_time`` is too long for the bandwidth or
+            the arm, or the Riccati equations have no solution.
         EquilibriumError: if the arm has no equilibrium at a posture.
 
     Warns:
@@ -130,6 +130,7 @@ class LoopShaping(RobustFollower, LoopShapingParameters):
     references: ClassVar[str] = "McFarlaneGlover1992 HydeGlover1993 CollinsKingBernstein1992"
 
     def _design_for(self, sample_time: float) -> None:
+        check_sample_time(self.arm, sample_time, self.bandwidth)
         self._grid = PostureGrid(np.asarray(self.posture), self.schedule)
         self._sample_time = sample_time
         with one_warning() as bent:
@@ -230,6 +231,7 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
             hint = f"For this bandwidth, sample_time can be {least:.3g} to {most:.3g} s."
             hint = hint if least < most else "Its values differ too much."
             raise InputError(Problem("bandwidth", rule, few(bandwidth), hint))
+        check_sample_time(self.arm, sample_time)
         if not hasattr(self, "mu"):  # once, at the construction
             arm = self.arm
             for name, without, missing in (
@@ -341,7 +343,7 @@ def uncertain_plant(
     n, slope = arm.dof, model.A.copy()
     # Full complex blocks contain negative loss factors, with which light damping is unstable.
     slope[n:, n:] -= added_damping(arm, model, DAMPING * rigidity)
-    root, shown = shaping(arm, posture, bandwidth, sample_time)
+    root, shown = shaping(arm, posture, bandwidth)
     changes = _changes(arm, posture, model, rigidity, payload)
     pushes = [-np.linalg.solve(model.mass, factor) for _, factor, _ in changes]
     push = np.hstack([np.zeros((n, 0)), *pushes])

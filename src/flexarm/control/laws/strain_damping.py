@@ -35,6 +35,7 @@ from flexarm.control.contract.base import (
     is_law,
 )
 from flexarm.control.contract.parametrised import OfArm
+from flexarm.control.design.arm_scales import check_sample_time
 from flexarm.control.design.nominal import (
     FlexibleModel,
     Interpolated,
@@ -102,8 +103,8 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
 
     Raises:
         InputError: if a number is out of range, ``modes`` exceeds the number of joints, gauges or
-            bending coordinates, the gauges do not distinguish the modes, or ``inner`` plans the
-            bending itself.
+            bending coordinates, the gauges do not distinguish the modes, the sample time of
+            ``inner`` is too long for the arm, or ``inner`` plans the bending itself.
         EquilibriumError: if the arm has no equilibrium at the posture.
 
     Warns:
@@ -171,6 +172,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         from scipy.signal import cont2discrete
 
         super().reset()
+        check_sample_time(self.arm, self.sample_time)
         law = self._law(2.0 * np.pi * self.frequency_hz)
         joints = np.kron(np.eye(2), self._driven)
         B, D = -law.B @ self._observed, -law.D @ self._observed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
@@ -84,6 +84,9 @@ class LinearParameters(ControllerParameters):
     """Relative error of the stiffness of the links for which the design is robust, at most 1, such
     as 0.3: elastic forces of this relative size are noise of the filter, and the regulator damps
     vibrations more (Tahk and Speyer 1987)."""
+    delay: NonNegative = 0.0
+    """Delay of the loop by motors and instruments for which the design is made, in whole samples:
+    the state is predicted over it (s)."""
     torque_limit: Annotated[Any, PerJoint(Positive)] | None = None
     """Largest requested torque, one for all joints or one for each (N m); no limit by default."""
     sample_time: SampleTime = 0.001
@@ -101,9 +104,10 @@ class LQGParameters(LinearParameters):
     (Bryson's rule); by default 10 mrad of joint_angle, 0.4 % of the length of the arm of tip, and
     0.032 times the typical rate of joint_rate."""
     integral: _Integral | None = None
-    """Integral feedback: true for the joint angles; or the name of an output, joint_angle or tip
-    (which must be measured); or a mapping from this name to its acceptable integral (rad s, m
-    s)."""
+    """Integral feedback: true for the joint angles; or the name of an output, joint_angle, tip
+    (which must be measured) or chord_angle (of the lines between joints and to the tip, by the
+    strains: it returns the tip under an unknown payload); or a mapping from this name to its
+    acceptable integral (rad s, m s)."""
     preview: NonNegative | None = None
     """Span of the reference that the preview uses, at most 60,000 samples (s); by default 3.2
     divided by the typical rate."""
@@ -114,6 +118,7 @@ class MPCParameters(LQGParameters):
 
     name = "mpc"
     _: KW_ONLY
+    delay: ClassVar[float] = 0.0  # type: ignore[misc]
     torque_limit: Annotated[Any, PerJoint(Positive)]
     """Torque limit (N m), one for all joints or one for each."""
     torque_rate: Annotated[Any, PerJoint(Positive)] | None = None
@@ -185,6 +190,9 @@ class LoopShapingParameters(RobustParameters):
     as 0.3: a third of it is added to the damping ratios of the design model, so that the controller
     does not rely on the frequencies of the links (Collins, King and Bernstein 1992). The arm must
     have damping, too."""
+    delay: NonNegative = 0.0
+    """Delay of the loop by motors and instruments, in whole samples, for which the controller is
+    designed (s)."""
     suboptimality: _Suboptimality = 1.1
     """Ratio of the largest possible stability margin to that of the design."""
     schedule: Annotated[Any, ListPerJoint(Listed[Number] | None)] | None = None

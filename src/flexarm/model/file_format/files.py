@@ -23,6 +23,7 @@ from flexarm.model.arm.links import MATERIALS, Material
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Record, faults_of
 from flexarm.model.file_format.yaml_text import Document, changed, parse, to_yaml
+from flexarm.model.hardware import Hardware
 from flexarm.model.scenarios.scenario import Scenario
 from flexarm.model.scenarios.study import StudySpec
 from flexarm.model.units import QUANTITY_PATTERN, unit_of
@@ -74,6 +75,24 @@ def load_arm_spec(path: AnyPath | Document) -> ArmSpec:
     if spec is None or problems:
         raise ModelError(*_in_order(document.file, problems))
     return spec
+
+
+def load_hardware(path: AnyPath) -> Hardware:
+    """Read the hardware of a file; ModelError lists all problems with lines.
+
+    The file is a scenario or a study, or has no other key.
+    """
+    document = load_document(path)
+    problems = [*document.problems, *_head_problems(document, None)]
+    hardware = None
+    if "hardware" not in document.value:
+        problems.append(Problem("hardware", "is missing", where=document.where(())))
+    else:
+        content = document.value["hardware"]
+        hardware = _checked(Hardware, content, ("hardware",), document.where, problems)
+    if hardware is None or problems:
+        raise ModelError(*_in_order(document.file, problems))
+    return hardware
 
 
 @public_call

@@ -28,20 +28,19 @@ from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.control.contract.base import Controller
 from flexarm.linear import equilibrium
-from flexarm.model import Load, PlantSpec, Scenario, StudySpec, file_text
+from flexarm.model import Hardware, Load, PlantSpec, Scenario, StudySpec, file_text
 from flexarm.model.quantities import Flag
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.planning.proposals.candidates import (
     Assessed,
     Candidate,
     Loops,
-    Requirements,
     candidates_of,
-    postures_of,
-    requirements_of,
     rounded,
     scenario_of,
 )
+from flexarm.planning.proposals.drive import typical_text
+from flexarm.planning.proposals.requirements import Requirements, requirements_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -85,6 +84,7 @@ class ControllerDesign:
             `flexarm.compare`, and ``score``, the sum of those that are compared.
         scenario: run of the proposed controller on the arm of the model.
         scenarios: the same of all candidates, by name.
+        refusal: why the proposal should not be used, or empty; ``save`` then raises.
     """
 
     task: str
@@ -93,6 +93,7 @@ class ControllerDesign:
     table: xr.Dataset
     scenario: Scenario
     scenarios: Mapping[str, Scenario]
+    refusal: str = ""
 
     def __repr__(self) -> str:
         return f"<flexarm.ControllerDesign: {self.chosen} for the task {self.task!r}>"
@@ -119,8 +120,10 @@ class ControllerDesign:
             overwrite: whether an existing file is replaced.
 
         Raises:
-            InputError: if the file exists, or cannot be written.
+            InputError: if the file exists, or cannot be written, or the proposal is refused.
         """
+        if self.refusal:
+            raise InputError(Problem("the proposal", "is refused", hint=self.refusal))
         check_new("path", path, overwrite=overwrite)
         write_text(self.text, path)
 
@@ -148,21 +151,26 @@ def design(
     torque_limit: ArrayLike | None = None,
     force: float = 5.0,
     disk_margin: float = 0.4,
+    hardware: Hardware | None = None,
     progress: bool | None = None,
 ) -> ControllerDesign:
     """Propose a controller for a task, with its gains, margins and simulations.
 
-    Up to three kinds of controllers are candidates. Several settings of each are linearised at the
-    start and at the end of the motion, for the arm and for arms that differ from it as far as the
-    uncertainty permits. The setting with the required margin and the fastest decay is simulated on
-    the arm and on two others; the candidate with the least error in the worst case is proposed.
+    Up to three kinds of controllers are candidates. Several settings of each are linearised with
+    the hardware at the start, in the middle and at the end of the motion, for the arm and for arms
+    that differ from it as far as the uncertainty permits. The setting with the required margin and
+    the fastest decay is simulated on the arm and on two others; the candidate with the least error
+    in the worst case is proposed. Refused are loops that are unstable, also with twice
+    the delay of the hardware, or whose slowest vibration has a damping ratio below 0.02.
+    Under gravity all candidates have integral feedback and follow a reference of the bent arm.
 
     Args:
         arm: the model of the arm.
         task: "hold" a posture while the tip is pushed, "point_to_point" between postures, "track" a
             line with the tip, or press with a "force" on a wall along a line.
         sensors: of "joints" (always), "gauges", "tip" (its position) and "force" (on the surface);
-            by default joints, the gauges of the arm, and for the task "force" its sensor.
+            by default the instruments of ``hardware``, or joints, the gauges of the arm, and for
+            the task "force" its sensor.
         computing: "low" permits a few states for each joint, "medium" a model of the flexible arm
             in the controller, "high" an optimisation in each sample if there is a
             ``torque_limit``.
@@ -172,10 +180,14 @@ def design(
             the tip (2,), m, for "track" and "force". By default a motion that suits the arm.
         duration: of the motion, s; by default 2.5 periods of the lowest frequency.
         torque_limit: of the motors, N m, one for all joints or one for each: in all simulations and
-            scenarios. LQG and MPC also compute with it.
+            scenarios. LQG, MPC and joint PID also compute with it, or with that of ``hardware``.
         force: on the surface, N.
         disk_margin: required on all arms, see `loop_margins`; if none of the settings of a
             candidate has it, the setting with the largest margin is used.
+        hardware: instruments and motors of the machine, in all margins, simulations and scenarios;
+            ``Hardware()`` for exact ones. By default those of a typical drive: encoders with 17
+            bits, rates through a filter at a tenth of the sampling frequency, and one sample of
+            delay; the reasons state them.
         progress: True or False shows or hides the progress bar.
 
     Raises:
@@ -185,7 +197,7 @@ def design(
         SimulationError: if no candidate completes its simulation on the arm of the model.
 
     Warns:
-        UnstableLoopWarning: if no candidate is stable on all arms. The proposal is then unstable.
+        UnstableLoopWarning: if all candidates are refused; see ``refusal`` of the result.
     """
     needs = requirements_of(
         arm,
@@ -198,6 +210,7 @@ def design(
         end=end,
         duration=duration,
         torque_limit=torque_limit,
+        hardware=hardware,
         force=force,
         disk_margin=disk_margin,
     )
@@ -207,20 +220,25 @@ def design(
         name: Arm(plant_spec(needs.arm.spec, PlantSpec(**factors)))
         for name, factors in content["plants"].items()
     }
-    loops = Loops(content, plants, postures_of(needs), candidates[0].drives[0])
-    best = {one.name: loops.best(one, needs.disk_margin) for one in candidates}
+    loops = Loops(content, plants, needs.postures, candidates[0].drives[0])
+    best = {one.name: loops.best(one, needs.disk_margin, needs.delay) for one in candidates}
     found = {name: one for name, one in best.items() if one is not None}
     if not found:
         rule = "has no controller among the candidates that can be designed for this arm"
         hint = f"Give the links damping, or use other sensors. The last error is: {loops.error}"
         raise InputError(Problem("task", rule, hint=hint))
+    if needs.heavy:
+        _wait_for_integrals(needs, content, found)
     table = _table(needs, content, found, progress)
     chosen = _chosen(needs, found, table)
+    refusal = _refusal(needs, found, table, chosen)
     reasons = reasons_of(needs, candidates, found, table, chosen)
-    if not found[chosen].stable:
-        warn_caller(reasons[0], UnstableLoopWarning)
+    if refusal:
+        reasons = (refusal, *reasons)
+        warn_caller(refusal, UnstableLoopWarning)
     scenarios = {name: scenario_of(content, one.drive) for name, one in found.items()}
-    return ControllerDesign(needs.task, chosen, reasons, table, scenarios[chosen], scenarios)
+    proposal = needs.task, chosen, reasons, table, scenarios[chosen], scenarios
+    return ControllerDesign(*proposal, refusal)
 
 
 def _table(
@@ -254,15 +272,46 @@ def _table(
     return table
 
 
+def _wait_for_integrals(
+    needs: Requirements, content: dict[str, Any], found: Mapping[str, Assessed]
+) -> None:
+    """Extend the runs until integral feedback has settled, and measure the error after that."""
+    decays = [-one.margins["growth"] for one in found.values() if not one.refusal(needs.delay)]
+    longest = _LONGEST * needs.period
+    time = min(_SETTLED / min(decays, default=np.inf), longest)
+    run = content["run"]
+    after = max(run["settling"] * _AFTER, float(f"{time:.2g}"))
+    if run["settling"]:  # the tasks with a time after the motion
+        end = run["duration"] - run["settling"] * _AFTER
+        content["run"] = run | {
+            "duration": rounded([end + after], 6)[0],
+            "settling": float(f"{after * (1.0 - 1.0 / _AFTER):.2g}"),
+        }
+
+
 def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset) -> str:
     """Return the candidate of least worst error, with the margin or stable on all arms first."""
     worst = table["score"].fillna(np.inf).max("plant")
 
-    def value(name: str) -> tuple[bool, bool, float]:
-        enough, *_ = found[name].value(needs.disk_margin)
-        return not enough, not found[name].stable, float(worst.sel(candidate=name))
+    def value(name: str) -> tuple[bool, bool, bool, float]:
+        accepted, enough, stable, *_ = found[name].value(needs.disk_margin, needs.delay)
+        return not accepted, not enough, not stable, float(worst.sel(candidate=name))
 
     return min(found, key=value)
+
+
+def _refusal(
+    needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset, chosen: str
+) -> str:
+    """Return why the best candidate is refused; empty if it is not."""
+    hint = "Reduce the uncertainty or the delays, or add sensors or damping."
+    if all(not one.stable for one in found.values()):
+        return f"No candidate is stable on {_arms(needs)}. {hint}"
+    if refusal := found[chosen].refusal(needs.delay):
+        return f"No candidate is accepted: {chosen}, the best one, {refusal}. {hint}"
+    if table["score"].sel(candidate=chosen).isnull().any():
+        return f"No candidate is accepted: {chosen} does not complete its runs. {hint}"
+    return ""
 
 
 #: Depth of the tip in the surface of the force task, relative to the length of the arm, and the
@@ -271,12 +320,11 @@ _SURFACE_DEPTH, _SURFACE_DAMPING = 3e-4, 9.0
 #: Deflection of the tip under the disturbance of the task "hold", relative to the length of the
 #: arm, if the joints did not move.
 _DISTURBED = 0.01
-#: Noise of the instruments of the tip, relative to the length of the arm, and of the force,
-#: relative to that of the task.
-_TIP_NOISE, _FORCE_NOISE = 5e-5, 4e-3
 #: Time before the motion in periods of the lowest frequency; with a force, which is zero at the
 #: start; and time after the motion.
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
+#: Time after the motion under gravity: time constants of the slowest pole, and the most periods.
+_SETTLED, _LONGEST = 6.0, 20.0
 #: Recorded samples in a period of the lowest frequency.
 _RATE = 150.0
 
@@ -299,22 +347,7 @@ def case_of(needs: Requirements) -> dict[str, Any]:
         content["loads"] = [{"link": links, "force": force, "factor": factor}]
     if needs.task == "force":
         content["contacts"] = [_surface(needs)]
-    hardware: dict[str, Any] = {}
-    if {"tip", "force"} & needs.sensors:
-        instruments: list[dict[str, Any]] = [{"signal": "joint_angle"}, {"signal": "joint_rate"}]
-        if "gauges" in needs.sensors:
-            instruments.append({"signal": "strain"})
-        if "tip" in needs.sensors:
-            noise = rounded([_TIP_NOISE * needs.arm.reach], 2)[0]
-            instruments.append({"signal": "tip", "noise": noise})
-        if "force" in needs.sensors:
-            noise = rounded([_FORCE_NOISE * needs.force], 2)[0]
-            instruments.append({"signal": "contact_force", "noise": noise})
-        hardware["instruments"] = instruments
-    if needs.torque_limit is not None:
-        hardware["motors"] = {"torque_limit": rounded(needs.torque_limit)}
-    if hardware:
-        content["hardware"] = hardware
+    content["hardware"] = needs.hardware
     content["plants"] = plants_of(needs)
     motion = content["motions"][needs.task]
     moved = motion.get("path", motion)
@@ -408,8 +441,11 @@ def reasons_of(
     ]
     if found[chosen].stable:
         margins = found[chosen].margins
+        places = "at the start, in the middle and at the end of the motion"
+        if needs.task == "hold":
+            places = "in its posture"
         text = (
-            f"On {_arms(needs)}, at the start and at the end of the motion, the loop of each joint "
+            f"On {_arms(needs)}, {places}, the loop of each joint "
             f"permits a gain factor of {margins['gain_margin']:.2g}, "
             f"{np.degrees(margins['phase_margin']):.0f} degrees of phase and "
             f"{1e3 * margins['delay_margin']:.2g} ms of delay (disk margin "
@@ -419,9 +455,6 @@ def reasons_of(
         if margins["disk_margin"] < needs.disk_margin:
             text += f" No candidate has the required disk margin of {needs.disk_margin:g}."
         sentences.append(text)
-    else:
-        hint = "Reduce the uncertainty, or add sensors."
-        sentences.insert(0, f"No candidate is stable on {_arms(needs)}. {hint}")
     return (*sentences, *_advice(needs))
 
 
@@ -437,8 +470,8 @@ def _result(needs: Requirements, score: xr.DataArray) -> str:
 
 def _other(needs: Requirements, name: str, one: Assessed, worst: float) -> str:
     """Return why another candidate is not proposed, or how near it is."""
-    if not one.stable:
-        return f"{name} is unstable on one of the arms."
+    if refusal := one.refusal(needs.delay):
+        return f"{name} {refusal}{' on one of the arms' * (not one.stable)}."
     if not np.isfinite(worst):
         return f"{name} does not complete its run on one of the arms."
     text = f"{name}: {_amount(needs, worst)}"
@@ -455,7 +488,9 @@ def _arms(needs: Requirements) -> str:
 
 
 def _advice(needs: Requirements) -> Iterator[str]:
-    """Yield what would permit better controllers."""
+    """Yield assumptions, and what would permit better controllers."""
+    if needs.typical:
+        yield typical_text(needs.hardware)
     free = needs.task != "force"
     if free and needs.computing == "low" and needs.lowest:
         yield (

@@ -47,7 +47,7 @@ from flexarm.simulation.calls.preparation import UNBOUNDED, start_of
 from flexarm.simulation.histories.loads import load_history
 from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
 from flexarm.simulation.loop.devices import Acting, Sensing, measured_names
-from flexarm.simulation.loop.stability import AnalysedLoop, Poles, instability
+from flexarm.simulation.loop.stability import AnalysedLoop, Poles, stability
 from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
 from flexarm.simulation.run.settings import DEFAULTS, tolerances_of
 from flexarm.simulation.run.stepping import failure_of
@@ -278,7 +278,7 @@ class ClosedLanes(Lanes):
             poles = self._poles.setdefault((simulated, id(controller), id(reference)), {})
             model, q = self._batch.model or arm, arm.unpadded(state[0])
             analysed = model, arm, controller, reference, own.hardware, (), q, duration
-            unstable = instability(AnalysedLoop(*analysed), poles)
+            unstable = stability(AnalysedLoop(*analysed), poles).text
         loop = LoopOfRun(controller, reference, self._references[key], hardware, unstable)
         return Ready(k, arm, state, loads, loop, (sample_time,))
 

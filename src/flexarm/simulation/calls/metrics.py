@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+#: Range of torques (N m) that rounding causes.
+_NONE = np.finfo(float).tiny
+
+
 class Metric(NamedTuple):
     """One metric of a run: name, unit and meaning."""
 
@@ -40,6 +44,12 @@ METRICS = (
     Metric(
         "force_error_peak", "N", "largest difference of that force from its reference, likewise"
     ),
+    Metric(
+        "torque_activity",
+        "1",
+        "mean change of the torques between samples, relative to their range: 1 if they jump",
+    ),
+    Metric("growth", "1/s", "largest real part of the poles of the sampled loop"),
     Metric("saturation", "1", "largest share of the run with a motor at its limit"),
     Metric("controller_time", "s", "computing time of the controller for one sample"),
 )
@@ -79,6 +89,7 @@ def metrics_of(
     values = Goal(arm, reference, result["time"].values, settling).metrics(channels)
     if "saturation" in result:
         values["saturation"] = float(result["saturation"].max())
+    values["growth"] = float(result.attrs.get("loop_growth", np.nan))
     calls = result.attrs.get("controller_calls")
     if calls:
         values["controller_time"] = result.attrs["controller_seconds"] / calls
@@ -128,6 +139,10 @@ class Goal:
             values["residual_vibration"] = float(np.hypot(*about.T).max())
         values["torque_rms"] = _rms(np.hypot.reduce(torque, axis=1))
         values["torque_peak"] = float(abs(torque).max())
+        turned = np.abs(np.diff(torque, axis=0)).mean(axis=0) if len(torque) > 1 else 0.0 * torque
+        values["torque_activity"] = float(
+            np.sum(turned) / max(np.sum(np.ptp(torque, axis=0)), _NONE)
+        )
         force: Any = getattr(self._reference, "contact_force", None)
         normal: Any = getattr(self._reference, "normal", None)
         if moving.any() and "contact_force" in channels and None not in (force, normal):

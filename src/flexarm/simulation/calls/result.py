@@ -184,8 +184,13 @@ def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.
     return xr.Dataset(variables, coords=coordinates)
 
 
-def add_loop(dataset: xr.Dataset, loop: ClosedLoop) -> xr.Dataset:
-    """Add the attributes of the controller, its commands, and the readings of its hardware."""
+def add_loop(dataset: xr.Dataset, loop: ClosedLoop, growth: float) -> xr.Dataset:
+    """Add the attributes of the controller, its commands, and the readings of its hardware.
+
+    ``growth`` is the largest real part (1/s) of the poles of the loop; NaN if it is not analysed.
+    """
+    if np.isfinite(growth):
+        dataset.attrs["loop_growth"] = growth
     dataset.attrs["controller"] = type(loop.controller).__name__
     dataset.attrs["sample_time"] = float(loop.controller.sample_time)
     dataset.attrs["controller_calls"] = len(loop.times)

@@ -39,7 +39,7 @@ from flexarm.simulation.calls.preparation import (
 from flexarm.simulation.calls.result import add_loop, channels_of_run, exceeded_bound, make_result
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.loop.control_loop import ClosedLoop
-from flexarm.simulation.loop.stability import AnalysedLoop, instability
+from flexarm.simulation.loop.stability import AnalysedLoop, Stability, stability
 from flexarm.simulation.run.changes import change_variables
 from flexarm.simulation.run.events import event_variables
 from flexarm.simulation.run.impacts import loop_comparison
@@ -165,7 +165,8 @@ def simulate(
             attribute ``impact_steps``. Also if the integration error exceeds ``accuracy``, or 3e-5
             of the reach by default.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
-            or after a change of the arm, with growth by a factor of ten or more within the run.
+            at a posture that it passes, or after a change of the arm, with growth by a factor of
+            ten or more within the run. The attribute ``loop_growth`` (1/s) is the largest one.
         LimitWarning: if the error of a joint grows by much while its motor is at its limit, an
             instrument is at its limit for a tenth of its frames, or a joint stop or a contact is
             implausibly deep.
@@ -228,8 +229,7 @@ def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
     q = simulated.unpadded(situation.start[0])
     around = situation.contacts, q, situation.duration
     analysed = AnalysedLoop(situation.arm, simulated, *acting, *around)
-    stability = partial(instability, analysed, {})
-    return _closed_loop(run, loop, stability), run.notices
+    return _closed_loop(run, loop, partial(stability, analysed, {})), run.notices
 
 
 def _executed_again(meter: Meter, situation: Situation, accuracy: float) -> xr.Dataset | None:
@@ -266,9 +266,9 @@ def _open_loop(
     return result
 
 
-def _closed_loop(run: Run, loop: ClosedLoop, stability: Callable[..., str]) -> xr.Dataset:
+def _closed_loop(run: Run, loop: ClosedLoop, analysis: Callable[..., Stability]) -> xr.Dataset:
     """Execute a run with a controller."""
-    unstable = stability()
+    unstable, growth = analysis()
     if unstable and run.changes is None:
         warn_caller(unstable, UnstableLoopWarning)
     started = time.perf_counter()
@@ -279,18 +279,18 @@ def _closed_loop(run: Run, loop: ClosedLoop, stability: Callable[..., str]) -> x
     except SimulationError as error:
         failure = error
     if run.changes is not None:  # the times of changes at events are known now
-        unstable = stability(changed=run.changed_arms())
+        unstable, growth = analysis(changed=run.changed_arms())
         if unstable:
             warn_caller(unstable, UnstableLoopWarning)
     if failure is None:
         compare()
-        return add_loop(_result(run, loop, started, "hold", "", unstable), loop)
+        return add_loop(_result(run, loop, started, "hold", "", unstable), loop, growth)
     # A bound that does not hold, or an instability, is the cause of every later failure.
     causes = filter(None, [exceeded_bound(loop.report()), unstable])
     failure.hint = " ".join(f"{text[0].upper()}{text[1:]}" for text in causes) or failure.hint
     if loop.times:
         result = _result(run, loop, started, "hold", str(failure), unstable)
-        failure.result = add_loop(result, loop)
+        failure.result = add_loop(result, loop, growth)
     raise failure
 
 

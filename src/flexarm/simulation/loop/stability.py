@@ -24,6 +24,7 @@ from flexarm.control.analysis.sampled_loop import (
     sliding,
 )
 from flexarm.control.contract.base import Controller, Reference, has_poles
+from flexarm.control.design.rigid_model import values_of
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear import equilibrium
 from flexarm.model import Contact, Hardware, Instrument, Sensor
@@ -38,6 +39,9 @@ _NOTICED = 10.0
 #: the double pole of a joint that is damped only by up to 3e-5 in a sample time.
 _CERTAIN = 5e-5
 _OF_CONTACTS = ("contact_force", "contact_gap")
+#: Angle (rad) that the joints turn between the postures of a motion that are analysed, the most of
+#: these postures, and number of times at which the motion is examined.
+_APART, _MOST_PASSED, _LOOKED = 0.5, 3, 33
 #: Step of the differences of coordinates and rates, relative to those that move the tip by the
 #: reach; for a smooth function their error is then about 1e-9. Rates of a rigid arm have effect in
 #: this number of sample times.
@@ -54,8 +58,16 @@ class LoopPole(NamedTuple):
     growth: float  # 1/s; negative for a decay
     frequency: float  # Hz
     magnitude: float  # of the pole of the sampled loop
-    begin: float  # s, of the part of the run in which the arm is simulated
+    begin: float  # s, of the part of the run in which the arm is simulated, or passes the posture
     end: float  # likewise
+    passing: bool = False  # whether the motion passes the posture without a stop
+
+
+class Stability(NamedTuple):
+    """Stability of the loop of a run."""
+
+    text: str  # description of an instability, or empty
+    growth: float  # 1/s, the largest of all postures and arms; NaN if none is analysed
 
 
 class AnalysedLoop(NamedTuple):
@@ -76,8 +88,8 @@ def loop_poles(
 ) -> list[LoopPole]:
     """Return the dominant pole of the sampled loop at the start and at the end of a motion.
 
-    With ``changed`` also at the beginning of each changed arm. Equal arms are analysed once at
-    each posture.
+    Also at postures between them if the joints turn far, and with ``changed`` at the beginning of
+    each changed arm. Equal arms are analysed once at each posture.
 
     Not analysed, and left out, are controllers that have no ``step``, cannot be copied
     or fail in the analysis, and instruments that read a `Sensor` or a torque.
@@ -91,12 +103,13 @@ def loop_poles(
         return []
     end = min(float(getattr(loop.reference, "end_time", 0.0) or 0.0), duration)
     first = ChangedArm(plant, 0.0, changed[0].begin if changed else duration, "")
+    passed = _passed(loop.reference, end)
     found, known, plants = [], {} if known is None else known, [plant]
     for part in (first, *changed):
         same = [k for k, other in enumerate(plants) if other.spec == part.plant.spec]
         number = same[0] if same else len(plants)
         plants += [] if same else [part.plant]
-        for t, when in _times(part, end):
+        for t, when, begin, until, passing in _times(part, end, passed):
             # After the start, the posture is that of the reference, which rests after its end.
             t = 0.0 if loop.reference is None else min(t, end) if end > 0.0 else t
             key = number, t, b"" if t > 0.0 else plant.joint_angles(loop.initial).tobytes()
@@ -108,26 +121,27 @@ def loop_poles(
                 Exception
             ):  # the run itself reports a missing equilibrium or a failing controller
                 continue
-            found.append(LoopPole(when, *known[key], part.begin, part.end))
+            found.append(LoopPole(when, *known[key], begin, until, passing))
     return found
 
 
-def instability(
+def stability(
     loop: AnalysedLoop, known: Poles | None = None, changed: Sequence[ChangedArm] = ()
-) -> str:
-    """Describe an instability of the sampled loop; empty if there is none or it is not analysed."""
+) -> Stability:
+    """Describe an instability of the sampled loop, with its growth."""
     poles = loop_poles(loop, known, changed)
+    growth = max((pole.growth for pole in poles), default=np.nan)
     text = describe_instability(poles, loop.controller.sample_time)
     if not text:
-        return ""
+        return Stability("", growth)
     for share in _SHARES:
         cured, cure = _with_inertia(loop.plant, share)
         if cured is None:
             break
         poles = loop_poles(loop._replace(plant=cured))
         if poles and max(pole.growth for pole in poles) <= 0.0:
-            return f"{text} {cure}"
-    return text
+            return Stability(f"{text} {cure}", growth)
+    return Stability(text, growth)
 
 
 def _with_inertia(plant: Arm, share: float) -> tuple[Arm | None, str]:
@@ -163,8 +177,16 @@ def describe_instability(poles: Sequence[LoopPole], sample_time: float) -> str:
     """Describe the first unstable one of the poles of `loop_poles`; empty if none is.
 
     An instability that grows less than tenfold is ignored. Its growth counts over the time of the
-    arm, and that of changed arms in a row together.
+    arm, and that of changed arms in a row together; at a posture that the motion passes, over the
+    time near it, and that of such postures in a row together.
     """
+    lasting = [pole for pole in poles if not pole.passing]
+    passing = [pole for pole in poles if pole.passing]
+    return _grown(lasting, sample_time) or _grown(passing, sample_time)
+
+
+def _grown(poles: Sequence[LoopPole], sample_time: float) -> str:
+    """Describe the first unstable one of some poles; empty if none is."""
     grown, until = 0.0, 0.0  # exponents of the parts before, up to a time
     for (begin, end), poles_of_arm in groupby(poles, lambda pole: (pole.begin, pole.end)):
         poles_here = list(poles_of_arm)
@@ -202,13 +224,40 @@ def describe_slow_instability(
     return ""
 
 
-def _times(part: ChangedArm, end: float) -> list[tuple[float, str]]:
-    """Return times (s) and descriptions of the postures of an arm, in a motion up to ``end``."""
-    times = [(part.begin, part.cause or "at the start")]
+def _times(
+    part: ChangedArm, end: float, passed: Sequence[tuple[float, float, float]]
+) -> list[tuple[float, str, float, float, bool]]:
+    """Return times (s) and descriptions of the postures of an arm, in a motion up to ``end``.
+
+    And the begin, the end and ``passing`` of each, as in `LoopPole`.
+    """
+    whole = part.begin, part.end
+    times = [(part.begin, part.cause or "at the start", *whole, False)]
+    cause = f", {part.cause}" if part.cause else ""
     if part.begin < end <= part.end:
-        cause = f", {part.cause}" if part.cause else ""
-        times.append((end, f"at the end of the motion{cause}"))
+        times.append((end, f"at the end of the motion{cause}", *whole, False))
+    for begin, t, until in passed:
+        if part.begin < t <= part.end:
+            near = max(begin, part.begin), min(until, part.end)
+            times.append((t, f"during the motion, at t = {t:.3g} s{cause}", *near, True))
     return times
+
+
+def _passed(reference: Reference | None, end: float) -> list[tuple[float, float, float]]:
+    """Return begin, middle and end (s) of the times near postures that a motion passes."""
+    if reference is None or not 0.0 < end < np.inf:
+        return []
+    start = float(getattr(reference, "start_time", 0.0) or 0.0)
+    times = np.linspace(min(start, end), end, _LOOKED)
+    try:
+        angles = values_of(reference, "joint_angle", times)
+    except Exception:  # the run itself reports a failing reference
+        return []
+    turned = np.append(0.0, np.abs(np.diff(angles, axis=0)).max(axis=1).cumsum())
+    count = min(int(turned[-1] / _APART), _MOST_PASSED)
+    shares = turned[-1] * np.arange(2 * count + 1) / max(2 * count, 1)
+    edges = np.interp(shares, turned, times)
+    return [(edges[k - 1], edges[k], edges[k + 1]) for k in range(1, 2 * count, 2)]
 
 
 def _worst(

@@ -1,0 +1,240 @@
+"""Requirements on a controller: the validated arguments of `flexarm.design`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import (
+    as_list,
+    check_choice,
+    check_each,
+    check_kind,
+    check_nonnegative,
+    check_number,
+    check_positive,
+)
+from flexarm.base.errors import InputError, Problem, shown
+from flexarm.control.analysis.margins import recommended_sample_time
+from flexarm.integrate.base import FloatArray
+from flexarm.linear import modes
+from flexarm.model import Hardware
+from flexarm.model.arm.spec import serial_only
+from flexarm.motion import inverse_kinematics, line_motion
+from flexarm.planning.proposals.drive import (
+    READINGS,
+    checked_hardware,
+    delay_of,
+    readings_of,
+    torque_limit_of,
+    typical_hardware,
+    with_torque_limit,
+)
+
+TASKS = ("hold", "point_to_point", "track", "force")
+SENSORS = ("joints", "gauges", "tip", "force")
+COMPUTING = ("low", "medium", "high")
+#: Default tip positions relative to the length of the arm: the paper's line, and a wall.
+_LINE = {"track": ((0.83, 0.41), (0.41, 0.83)), "force": ((0.62, 0.2), (0.62, 0.33))}
+#: Default motion of each joint, and angle of each joint after the first one, rad.
+_TURN, _ELBOW = 0.5, 0.5
+#: Default duration in periods of the lowest frequency, also while a posture is held, and that of an
+#: arm without vibration, s.
+_PERIODS, _HELD_PERIODS, _RIGID_DURATION = 2.5, 5.0, 2.0
+_HIGHEST_UNCERTAINTY = 0.9
+#: Longest sample time of a candidate, s. It is a time of the computer, not of the arm.
+_SAMPLE_TIME = 0.001
+
+
+@dataclass(frozen=True, eq=False)
+class Requirements:
+    """Validated arguments of `flexarm.design`."""
+
+    arm: Arm  # the arm of the model
+    task: str  # one of ``TASKS``
+    sensors: frozenset[str]  # some of ``SENSORS``
+    computing: str  # one of ``COMPUTING``
+    payload: float  # largest relative errors of the payload and of the flexural rigidity
+    rigidity: float  # likewise
+    #: joint angles (joints,) rad, or positions of the tip (2,) m for the tasks "track" and
+    #: "force"; equal for "hold"
+    start: FloatArray
+    end: FloatArray  # likewise
+    duration: float | None  # of the motion, s; None for the default
+    hardware: Hardware  # of the machine, or of a typical drive
+    typical: bool  # whether the hardware is assumed
+    force: float  # on the surface, N
+    disk_margin: float  # required on all plants
+
+    @property
+    def of_tip(self) -> bool:
+        """Whether the motion is one of the tip along a line."""
+        return self.task in _LINE
+
+    @cached_property
+    def lowest(self) -> float:
+        """Lowest frequency (rad/s) with locked joints at the start; 0 for a rigid arm."""
+        found = modes(self.arm, None if self.of_tip else self.start).frequency_hz
+        found = found[found > 0.0]
+        return float(2.0 * np.pi * found[0]) if found.size else 0.0
+
+    @property
+    def period(self) -> float:
+        """Period of that frequency, s; that of a rigid arm is set by the duration."""
+        if self.lowest:
+            return 2.0 * np.pi / self.lowest
+        return (self.duration or _RIGID_DURATION) / _PERIODS
+
+    @cached_property
+    def sample_time(self) -> float:
+        """Sample time of the candidates, s."""
+        first = inverse_kinematics(self.arm, self.start) if self.of_tip else self.start
+        longest = recommended_sample_time(self.arm, first)
+        return _SAMPLE_TIME if longest is None else min(_SAMPLE_TIME, longest)
+
+    @cached_property
+    def postures(self) -> FloatArray:
+        """Joint angles (k, joints) rad at the start, in the middle and at the end of the motion."""
+        if self.task == "hold":
+            return self.start[None]
+        if not self.of_tip:
+            return np.array([self.start, 0.5 * (self.start + self.end), self.end])
+        line = line_motion(self.arm, self.start, self.end, 1.0)
+        return np.array([line.joint_angle(t) for t in (0.0, 0.5, 1.0)])
+
+    @cached_property
+    def torque_limit(self) -> FloatArray | None:
+        """Limits of the motors at rest (joints,) N m; None without."""
+        return torque_limit_of(self.arm, self.hardware)
+
+    @property
+    def delay(self) -> float:
+        """Delay (s) of the loop by the hardware."""
+        return delay_of(self.hardware)
+
+    @property
+    def heavy(self) -> bool:
+        """Whether gravity acts, so that loads cause lasting errors."""
+        return any(self.arm.spec.gravity)
+
+    @property
+    def motion_time(self) -> float:
+        """Duration of the motion, s."""
+        periods = _HELD_PERIODS if self.task == "hold" else _PERIODS
+        return self.duration or float(f"{periods * self.period:.2g}")
+
+
+def requirements_of(
+    arm: Arm,
+    task: object,
+    *,
+    sensors: object,
+    computing: object,
+    payload_uncertainty: object,
+    rigidity_uncertainty: object,
+    start: object,
+    end: object,
+    duration: object,
+    torque_limit: object,
+    hardware: object,
+    force: object,
+    disk_margin: object,
+) -> Requirements:
+    """Validate the arguments of `flexarm.design`, and complete them with defaults."""
+    task = check_choice("task", task, TASKS)
+    computing = check_choice("computing", computing, COMPUTING)
+    if not arm.joints:
+        raise InputError(Problem("arm", "must have a joint that is not fixed"))
+    serial_only(arm.spec, "the design of controllers")
+    if task == "force" and arm.joints < 2:
+        rule = "force is not supported for an arm with one joint"
+        raise InputError(Problem("task", rule, hint="It cannot move along a surface."))
+    machine = None
+    if hardware is not None:
+        machine = checked_hardware(arm, check_kind("hardware", hardware, Hardware), task)
+    read = _sensors(arm, task, sensors, machine)
+    payload = check_nonnegative("payload_uncertainty", payload_uncertainty)
+    if payload and arm.spec.payload.mass == 0.0:
+        hint = "Give the arm the payload that you expect."
+        rule = "is not supported for an arm without payload"
+        raise InputError(Problem("payload_uncertainty", rule, hint=hint))
+    rule, most = f"be from 0 to {_HIGHEST_UNCERTAINTY:g}", _HIGHEST_UNCERTAINTY
+    rigidity = check_number(
+        "rigidity_uncertainty", rigidity_uncertainty, lambda value: 0.0 <= value <= most, rule
+    )
+    limit = None
+    if torque_limit is not None:
+        limit = check_each("torque_limit", torque_limit, arm.joints, positive=True)
+    begin, goal = _places(arm, task, start, end)
+    bounds = "be greater than 0 and less than 2"
+    needs = Requirements(
+        arm,
+        task,
+        read,
+        computing,
+        payload,
+        rigidity,
+        begin,
+        goal,
+        None if duration is None else check_positive("duration", duration, "s"),
+        machine or Hardware(),
+        machine is None,
+        check_positive("force", force, "N"),
+        check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, bounds),
+    )
+    drive = machine or typical_hardware(arm, read, needs.sample_time, needs.force)
+    return replace(needs, hardware=with_torque_limit(arm, drive, limit))
+
+
+def _sensors(arm: Arm, task: str, given: object, hardware: Hardware | None) -> frozenset[str]:
+    """Return the names of the sensors; those of the joints always belong to them."""
+    measured = None  # all sensors can be chosen
+    if hardware is not None and hardware.instruments is not None:
+        measured = readings_of(hardware)
+    if given is None:
+        if measured is not None:
+            return frozenset(["joints", *(name for name in READINGS if READINGS[name] in measured)])
+        found = ["gauges"] * bool(arm.gauges) + ["force"] * (task == "force")
+        return frozenset(["joints", *found])
+    listed = [given] if isinstance(given, str) else as_list(given)
+    if listed is None:
+        rule = f"be a list of names ({', '.join(SENSORS)})"
+        raise InputError(Problem("sensors", rule, shown(given)))
+    names = [check_choice("sensors", name, SENSORS) for name in listed]
+    if "gauges" in names and not arm.gauges:
+        raise InputError(Problem("sensors", "are gauges, but the arm has no gauges"))
+    if "force" in names and task != "force":
+        raise InputError(Problem("sensors", "are of a force, which requires the task 'force'"))
+    for name in names:
+        if measured is not None and READINGS.get(name, "joint_angle") not in measured:
+            rule = f"contain {name}, but the hardware has no instrument of {READINGS[name]}"
+            raise InputError(Problem("sensors", rule))
+    return frozenset(["joints", *names])
+
+
+def _places(arm: Arm, task: str, start: object, end: object) -> tuple[FloatArray, FloatArray]:
+    """Return the start and the end of the motion."""
+    if task == "hold" and end is not None:
+        raise InputError(Problem("end", "is not supported with the task 'hold'"))
+    if task in _LINE:
+        reach, count = arm.reach, 2
+        first, last = (reach * np.array(point) for point in _LINE[task])
+        if arm.joints < 2:
+            rule = "track requires an arm with two joints or more"
+            hint = "The tip of an arm with one joint cannot follow a line: use point_to_point."
+            raise InputError(Problem("task", rule, hint=hint))
+    else:
+        count = arm.joints
+        first = np.array([0.0, *[_ELBOW] * (count - 1)])
+        last = first + (_TURN if task == "point_to_point" else 0.0)
+    begin = first if start is None else check_each("start", start, count=count)
+    if start is not None and end is None:
+        last = begin + (last - first)
+    goal = last if end is None else check_each("end", end, count=count)
+    begin, goal = (np.broadcast_to(place, (count,)) for place in (begin, goal))
+    if task != "hold" and np.array_equal(begin, goal):
+        raise InputError(Problem("end", "differ from start", shown(end)))
+    return begin, goal
