@@ -127,7 +127,9 @@ def test_histories_equal_those_of_the_result():
 
 def test_magnified_bending_is_stated():
     assert "is drawn 20 times as large" in words_of(fa.report(controlled(), magnify=20.0))
-    assert "times as large" not in words_of(fa.report(controlled()))
+    assert "times as large" not in words_of(fa.report(controlled(), magnify=1.0))
+    chosen = scene_of(fa.report(controlled()))["magnify"]
+    assert f"is drawn {chosen:g} times as large" in words_of(fa.report(controlled()))
 
 
 def test_extreme_values():
@@ -238,6 +240,7 @@ def test_full_disk_keeps_the_older_file(tmp_path, monkeypatch):
         ({"notes": None}, "notes must be text"),
         ({"channels": "torqe"}, "Did you mean 'torque'?"),
         ({"magnify": -1.0}, "at least 0"),
+        ({"magnify": "large"}, "magnify must be a number or 'auto', got 'large'"),
         ({"rigid": 1}, "rigid must be True, False or a result"),
         ({"reference": 1}, "reference"),
         ({"contacts": [1]}, "list of Contact"),
