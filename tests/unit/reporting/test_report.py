@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.simulation.calls.metrics import metrics_of
 from flexarm.view.plot.drawn_result import Signals
 from flexarm.view.reporting import (
     clock,
@@ -144,11 +145,16 @@ def test_extreme_values():
 
 def test_errors_from_the_reference():
     result = controlled()
-    rows = dict(errors_table(result, arm(), motion()).rows)
+    table = errors_table(result, arm(), motion())
+    rows = dict(table.rows)
     rigid_counterpart = arm().rigid()
     goal = rigid_counterpart.tip(rigid_counterpart.rest([0.5, 0.2]))[:2]
     missed = np.hypot(*(result.tip.values[-1] - goal))
-    assert float(rows["Tip error at the end [m]"]) == pytest.approx(missed, rel=1e-4)
+    assert float(rows["Tip error at the end [mm]"]) == pytest.approx(1e3 * missed, rel=1e-4)
+    metrics = metrics_of(result, arm(), motion())
+    peak = 1e3 * metrics["tip_error_peak"]
+    assert float(rows["Tip error peak [mm]"]) == pytest.approx(peak, rel=1e-4)
+    assert "the rigid arm" in table.notes["Joint 1: error at the end [rad]"]
     off = result.joint_angle.values[-1] - [0.5, 0.2]
     for joint in (1, 2):
         found = float(rows[f"Joint {joint}: error at the end [rad]"])

@@ -348,4 +348,3 @@ motion:
 
 def _length(links: int) -> float:
     return round(REACH / links, 4)
-

@@ -170,14 +170,21 @@ def errors_table(result: xr.Dataset, arm: Arm, reference: Any) -> Table:
     for metric in METRICS:
         if np.isfinite(values[metric.name]) and metric.name != "controller_time":
             words = metric.name.replace("rms", "RMS").replace("_", " ")
-            name = f"{words[0].upper()}{words[1:]} [{metric.unit}]"
-            rows.append((name, number(values[metric.name])))
+            scale, unit = (1e3, "mm") if metric.unit == "m" else (1.0, metric.unit)
+            name = f"{words[0].upper()}{words[1:]} [{unit}]"
+            rows.append((name, number(scale * values[metric.name])))
             notes[name] = metric.meaning
-    rows.append(("Tip error at the end [m]", number(float(_tip_error(arm, reference, result)[-1]))))
+    end = 1e3 * float(_tip_error(arm, reference, result)[-1])
+    rows.append(("Tip error at the end [mm]", number(end)))
     desired = np.asarray(reference.joint_angle(float(result["time"].values[-1])))
     missed = result["joint_angle"].values[-1] - desired
     for joint, value in zip(arm.joint_numbers, missed, strict=True):
-        rows.append((f"Joint {joint}: error at the end [rad]", number(float(value))))
+        name = f"Joint {joint}: error at the end [rad]"
+        rows.append((name, number(float(value))))
+        notes[name] = (
+            "from the angles of the motion, at which the rigid arm has its tip on the path; "
+            "joints that follow the bent arm differ from them"
+        )
     return Table("Errors from the reference", ("", "value"), tuple(rows), notes)
 
 
