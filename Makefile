@@ -133,8 +133,9 @@ bench: $(VENV)/.ready-dev ## measure speed; tables and figures in docs/performan
 peers: $(VENV)/.ready-peers ## compare trajectories with Exudyn and MuJoCo; fetches all peers from PyPI (some hundred MB)
 	$(BIN)/python -m peers
 
-gallery: $(VENV)/.ready-dev ## compare with known answers; tables and pictures in docs/gallery
+gallery: $(VENV)/.ready-dev ## compare with known answers; tables and pictures in docs/gallery, and the picture of the README
 	$(BIN)/python -m gallery
+	$(BIN)/python docs/images/draw.py
 
 clean: ## forget the environment and everything made
 	rm -rf .venv .venv-* dist out .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

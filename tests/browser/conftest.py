@@ -38,9 +38,11 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def screen(chromium: Any) -> Iterator[Any]:
-    """Return a page of 1200 by 900 pixels without a network; an error of its script fails the
-    test."""
-    context = chromium.new_context(viewport={"width": 1200, "height": 900}, offline=True)
+    """Return a page of 1200 by 900 pixels without a network, whose animations do not start
+    themselves; an error of its script fails the test."""
+    context = chromium.new_context(
+        viewport={"width": 1200, "height": 900}, offline=True, reduced_motion="reduce"
+    )
     context.set_default_timeout(120_000)  # ms; ends a test that hangs, also on a busy machine
     page = context.new_page()
     failures: list[str] = []
@@ -83,7 +85,8 @@ def new_window(chromium: Any, studio_running: Any) -> Iterator[Any]:
     own = (f"http://127.0.0.1:{studio_running.port}/", "data:", "blob:")
 
     def made(width: int = 1400, height: int = 900) -> Screen:
-        context = chromium.new_context(viewport={"width": width, "height": height})
+        size = {"width": width, "height": height}
+        context = chromium.new_context(viewport=size, reduced_motion="reduce")
         context.set_default_timeout(120_000)
         contexts.append(context)
         page = context.new_page()

@@ -17,6 +17,7 @@ from flexarm.view.plot.palette import BLUE, ORANGE
 pytestmark = pytest.mark.sampled(
     "test_page_opens_with_the_arm_at_its_start",
     "test_play_moves_the_arm_to_the_end",
+    "test_bending_is_magnified_by_its_slider",
     "test_texts_of_a_result_are_not_executed",
 )
 
@@ -42,7 +43,9 @@ def result():
 @pytest.fixture
 def page(screen, tmp_path):
     path = tmp_path / "report.html"
-    fa.report(result(), path, title="Swing & <b>stop</b>", notes="two\nlines", rigid=True)
+    fa.report(
+        result(), path, title="Swing & <b>stop</b>", notes="two\nlines", rigid=True, magnify=1.0
+    )
     requested = []
     screen.on("request", lambda request: requested.append(request.url))
     screen.goto(path.as_uri())
@@ -76,7 +79,7 @@ def tip_on_screen(page):
     pixels = picture(arm_canvas(page))
     rows, columns = np.nonzero(has_color(pixels, ORANGE))
     assert rows.size > 40, "there is no payload on the screen"
-    left, right, _, top = fa.animate(result(), rigid=True).scenes[0].view
+    left, right, _, top = fa.animate(result(), rigid=True, magnify=1.0).scenes[0].view
     side = min(pixels.shape[1] - 64, pixels.shape[0] - 72)
     scale = (right - left) / side
     return np.array(
@@ -149,6 +152,44 @@ def test_play_moves_the_arm_to_the_end(page):
     button.evaluate("button => { button.click(); button.click(); }")
     button.wait_for()
     assert clock(page) < END
+
+
+def test_bending_is_magnified_by_its_slider(page):
+    """The payload moves away from the tip of the result, and back."""
+    page.locator(".time").fill("40")
+    bending = page.get_by_label("factor on the drawn bending")
+    assert "bending × 1" in page.locator(".bending").inner_text()
+    assert_tip(page, clock(page))
+    true = tip_on_screen(page)
+    bending.fill("3")
+    assert "bending × 10" in page.locator(".bending").inner_text()
+    scene = fa.animate(result(), rigid=True, magnify=10.0, fps=200.0).scenes[0]
+    frame = int(np.abs(scene.times - clock(page)).argmin())
+    drawn = scene.links[frame, -1, -1]
+    assert np.linalg.norm(drawn - true) > 0.025
+    np.testing.assert_allclose(tip_on_screen(page), drawn, atol=0.01)
+    bending.fill("0")
+    np.testing.assert_array_equal(tip_on_screen(page), true)
+
+
+def test_animations_start_themselves_and_repeat(chromium, tmp_path):
+    path = tmp_path / "arm.html"
+    fa.animate(result(), path, speed=2.0)
+    moving = chromium.new_context(offline=True, reduced_motion="no-preference")
+    screen = moving.new_page()
+    # All times that the clock shows.
+    screen.add_init_script("""window.shown = [];
+      document.addEventListener("DOMContentLoaded", () => new MutationObserver(() =>
+        shown.push(document.querySelector(".clock").textContent)).observe(
+          document.querySelector(".clock"), { childList: true }))""")
+    screen.goto(path.as_uri())
+    start, end = "t = 0.000 s", f"t = {END:.3f} s"
+    again = f"shown.lastIndexOf('{start}') > shown.indexOf('{end}') && shown.includes('{end}')"
+    screen.wait_for_function(again)
+    assert screen.locator(".play").inner_text() == "Pause"
+    screen.locator(".play").click()
+    assert screen.locator(".play").inner_text() == "Play"
+    moving.close()
 
 
 def test_slider_moves_arm_and_cursors(page):
@@ -245,7 +286,7 @@ def test_print_layout_shows_several_postures_and_no_controls(page):
     assert not page.locator("nav").is_visible()
     pixels = picture(arm_canvas(page))
     arm = fa.Arm(links=[LINK, LINK], payload={"mass": 0.1})
-    left, right, _, top = fa.animate(result(), rigid=True).scenes[0].view
+    left, right, _, top = fa.animate(result(), rigid=True, magnify=1.0).scenes[0].view
     side = min(pixels.shape[1] - 64, pixels.shape[0] - 72)
     for time in (0.0, END / 2, END):  # the middle of the second link is bluish
         x, y = arm.shape(result().q.sel(time=time, method="nearest").values, 3)[1, 1]

@@ -190,3 +190,13 @@ def test_wrong_usage_is_rejected(arguments):
     assert outcome.exit_code == 2
     assert "Traceback" not in outcome.output
     assert "Usage" in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "hint"), [("modess", "Did you mean 'modes'?"), ("rprt", "Did you mean 'report'?")]
+)
+def test_unknown_commands_have_a_suggestion(command, hint):
+    outcome = invoke(command)
+    assert outcome.exit_code == 2
+    assert f"No such command '{command}'. {hint}" in outcome.stderr
+    assert "Did you mean" not in invoke("xyzzy").stderr

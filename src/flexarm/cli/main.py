@@ -6,10 +6,12 @@ NumPy, Numba and the other libraries take a second to load.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
+from flexarm.base.errors import nearest
 from flexarm.cli.commands.check import check
 from flexarm.cli.commands.compare import compare
 from flexarm.cli.commands.design import design
@@ -27,8 +29,21 @@ from flexarm.cli.commands.sweep import sweep
 from flexarm.cli.commands.warmup import warmup
 from flexarm.cli.failures import checked_streams, end_orderly_when_terminated, report_failures
 
+
+class _Commands(TyperGroup):
+    """The commands, whose error for an unknown one suggests the most similar one."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return name, command and arguments, or end with an error."""
+        if self.get_command(ctx, args[0]) is None:
+            near = nearest(args[0], self.list_commands(ctx))
+            ctx.fail(f"No such command {args[0]!r}. {near}".strip())
+        return super().resolve_command(ctx, args)
+
+
 app = typer.Typer(
     name="flexarm",
+    cls=_Commands,
     help="Planar manipulators with flexible links: model and simulate.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,

@@ -21,7 +21,7 @@ function element(tag) {
 const root = element("div");
 const data = { textContent: json, previousElementSibling: root };
 const document = { currentScript: { previousElementSibling: data }, createElement: element };
-const window = { devicePixelRatio: 1, addEventListener() {} };
+const window = { devicePixelRatio: 1, addEventListener() {}, matchMedia: () => ({ matches: true }) };
 vm.runInNewContext(code, { document, window, performance: { now: () => 0 },
   requestAnimationFrame() {}, console, Math, JSON, Number });
 const controls = root.children[1].children;

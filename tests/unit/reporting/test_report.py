@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.simulation.calls.metrics import metrics_of
 from flexarm.view.plot.drawn_result import Signals
 from flexarm.view.reporting import (
     clock,
@@ -127,7 +128,9 @@ def test_histories_equal_those_of_the_result():
 
 def test_magnified_bending_is_stated():
     assert "is drawn 20 times as large" in words_of(fa.report(controlled(), magnify=20.0))
-    assert "times as large" not in words_of(fa.report(controlled()))
+    assert "times as large" not in words_of(fa.report(controlled(), magnify=1.0))
+    chosen = scene_of(fa.report(controlled()))["magnify"]
+    assert f"is drawn {chosen:g} times as large" in words_of(fa.report(controlled()))
 
 
 def test_extreme_values():
@@ -142,11 +145,16 @@ def test_extreme_values():
 
 def test_errors_from_the_reference():
     result = controlled()
-    rows = dict(errors_table(result, arm(), motion()).rows)
+    table = errors_table(result, arm(), motion())
+    rows = dict(table.rows)
     rigid_counterpart = arm().rigid()
     goal = rigid_counterpart.tip(rigid_counterpart.rest([0.5, 0.2]))[:2]
     missed = np.hypot(*(result.tip.values[-1] - goal))
-    assert float(rows["Tip error at the end [m]"]) == pytest.approx(missed, rel=1e-4)
+    assert float(rows["Tip error at the end [mm]"]) == pytest.approx(1e3 * missed, rel=1e-4)
+    metrics = metrics_of(result, arm(), motion())
+    peak = 1e3 * metrics["tip_error_peak"]
+    assert float(rows["Tip error peak [mm]"]) == pytest.approx(peak, rel=1e-4)
+    assert "the rigid arm" in table.notes["Joint 1: error at the end [rad]"]
     off = result.joint_angle.values[-1] - [0.5, 0.2]
     for joint in (1, 2):
         found = float(rows[f"Joint {joint}: error at the end [rad]"])
@@ -238,6 +246,7 @@ def test_full_disk_keeps_the_older_file(tmp_path, monkeypatch):
         ({"notes": None}, "notes must be text"),
         ({"channels": "torqe"}, "Did you mean 'torque'?"),
         ({"magnify": -1.0}, "at least 0"),
+        ({"magnify": "large"}, "magnify must be a number or 'auto', got 'large'"),
         ({"rigid": 1}, "rigid must be True, False or a result"),
         ({"reference": 1}, "reference"),
         ({"contacts": [1]}, "list of Contact"),

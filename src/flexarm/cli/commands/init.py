@@ -185,6 +185,37 @@ REACH = 2.0
 MOST_LINKS = 8
 """With more links of this kind the gains below are too high for the sample time."""
 _WIDTH, _MATERIAL = 0.05, "aluminium"
+
+
+class _Kind(NamedTuple):
+    """What differs between slender and stiff arms."""
+
+    height: float  # of the section, in the plane, m
+    duration: float  # of the motion, s
+    frequency: float  # of the closed loops of the joints, rad/s
+    drive: str  # lines of the drive
+
+
+_SLENDER = """\
+drive:                # joint PD along the angles of the rigid arm, as if no link could bend:
+  kind: joint_pd      # the arm rings after the motion
+  reference: rigid    # without this line, along the angles of the bent arm: it rings less
+"""
+_STIFF = """\
+drive:                # joint PD along the angles of the bent arm, with its torques as feedforward
+  kind: joint_pd
+"""
+
+
+def _kind(links: int, gravity: bool, stiff: bool) -> _Kind:
+    if stiff:
+        return _Kind(0.02, 2.0, 6.0, _STIFF) if gravity else _Kind(0.008, 2.0, 2.5, _STIFF)
+    slower = 0.5 * (links == 1)  # a single link is longer, and would bend too far
+    if gravity:
+        return _Kind(0.01, 0.8 + slower, 10.0, _SLENDER)
+    return _Kind(0.006, 1.5 + slower, 10.0, _SLENDER)
+
+
 _MOTOR, _PAYLOAD = 0.4, 0.3
 _KINDS = ", ".join(TEMPLATES)
 
@@ -193,6 +224,7 @@ def init(
     folder: Annotated[Path, argument("[FOLDER]", "Output folder; created if missing.")] = Path(),
     links: Annotated[int, typer.Option(min=1, max=MOST_LINKS, help="Number of links.")] = 2,
     gravity: Annotated[bool, flag("--gravity", "The arm moves in a vertical plane.")] = False,
+    stiff: Annotated[bool, flag("--stiff", "Links that hardly bend, and a slow motion.")] = False,
     mechanism: Annotated[str | None, typer.Option(help=f"Instead of an arm: {_KINDS}.")] = None,
 ) -> None:
     """Write a commented arm and scenario to start from: arm.yaml and scenario.yaml."""
@@ -200,7 +232,7 @@ def init(
 
     if mechanism is not None and mechanism not in TEMPLATES:
         raise InputError(Problem("--mechanism", f"be one of {_KINDS}", shown(mechanism)))
-
+    kind = _kind(links, gravity, stiff)
     arm, scenario = folder / "arm.yaml", folder / "scenario.yaml"
     hint = "Give another folder: flexarm init FOLDER."
     problems = [
@@ -211,7 +243,7 @@ def init(
     if problems:
         raise InputError(*problems)
     check_folder("FOLDER", folder)
-    texts = arm_text(links, gravity), scenario_text(links, gravity)
+    texts = _arm_text(links, gravity, kind), _scenario_text(links, gravity, kind)
     if mechanism is not None:
         texts = mechanism_arm(mechanism), mechanism_scenario(mechanism)
     write_text(texts[0], arm)
@@ -222,9 +254,9 @@ def init(
     print_line(f"      flexarm run {scenario} --animate {folder / 'arm.html'}")
 
 
-def arm_text(links: int, gravity: bool) -> str:
+def _arm_text(links: int, gravity: bool, kind: _Kind) -> str:
     """Return the arm file of an arm with 1 to 8 equal links."""
-    described = "\n".join(_link(k, links, gravity) for k in range(links))
+    described = "\n".join(_link(k, links, kind.height) for k in range(links))
     inertia = 0.2 if gravity else 0.1
     base = f"    - {{hub_inertia: {inertia}, damping: 0.1}}  # joint 1, on the ground"
     elbow = f"    - {{mass: {_MOTOR}, hub_inertia: {inertia}, housing_inertia: 0.1, damping: 0.1}}"
@@ -247,8 +279,8 @@ arm:
 """
 
 
-def _link(k: int, links: int, gravity: bool) -> str:
-    section = f"{{kind: rectangle, width: {_WIDTH}, height: {_height(gravity)}}}"
+def _link(k: int, links: int, height: float) -> str:
+    section = f"{{kind: rectangle, width: {_WIDTH}, height: {height}}}"
     if k > 0:
         return (
             "    - {<<: *link}                # as link 1; {<<: *link, length: 0.5}: a shorter one"
@@ -263,13 +295,13 @@ def _link(k: int, links: int, gravity: bool) -> str:
       damping: {{kind: modal, ratio: 0.01}}"""
 
 
-def scenario_text(links: int, gravity: bool) -> str:
-    """Return the scenario file for the arm of `arm_text` in ``arm.yaml``."""
+def _scenario_text(links: int, gravity: bool, kind: _Kind) -> str:
+    """Return the scenario file for the arm of `_arm_text` in ``arm.yaml``."""
     # The gains follow from the inertia of the straight arm about each joint.
     from flexarm.model.arm.links import MATERIALS
 
     length = _length(links)
-    mass = MATERIALS[_MATERIAL].density * _WIDTH * _height(gravity) * length
+    mass = MATERIALS[_MATERIAL].density * _WIDTH * kind.height * length
     inertias = []
     for joint in range(links):
         outboard = range(links - joint)
@@ -277,9 +309,8 @@ def scenario_text(links: int, gravity: bool) -> str:
         about += sum(_MOTOR * (k * length) ** 2 for k in outboard)
         about += _PAYLOAD * ((links - joint) * length) ** 2
         inertias.append(about + 0.1)
-    frequency = 6.0 if gravity else 2.5  # rad/s, below the first vibration of the arm
-    proportional = [float(f"{inertia * frequency**2:.2g}") for inertia in inertias]
-    derivative = [float(f"{1.4 * inertia * frequency:.2g}") for inertia in inertias]
+    proportional = [float(f"{inertia * kind.frequency**2:.2g}") for inertia in inertias]
+    derivative = [float(f"{1.4 * inertia * kind.frequency:.2g}") for inertia in inertias]
     sample_time = 0.00025 if gravity and links > 3 else 0.0005
     start = "  equilibrium: true   # the run starts in the equilibrium under gravity\n"
     return f"""\
@@ -287,9 +318,8 @@ def scenario_text(links: int, gravity: bool) -> str:
 # Try other values without editing: flexarm run scenario.yaml --set arm.payload.mass=1
 flexarm: 1
 arm: arm.yaml
-{_motion(links)}
-drive:                # joint PD along the angles of the bent arm, with its torques as feedforward
-  kind: joint_pd
+{_motion(links, kind.duration)}
+{kind.drive}\
   proportional: {proportional}  # N m/rad, one for each joint
   derivative: {derivative}  # N m s/rad
   sample_time: {sample_time}  # s
@@ -300,25 +330,21 @@ drive:                # joint PD along the angles of the bent arm, with its torq
 """
 
 
-def _motion(links: int) -> str:
+def _motion(links: int, duration: float) -> str:
     if links == 1:
-        return """\
+        return f"""\
 motion:
   kind: joint         # from one joint angle to another, from rest to rest
   start: [0.0]        # rad
   end: [1.0]
-  duration: 2.0       # s"""
-    return """\
+  duration: {duration}       # s"""
+    return f"""\
 motion:
   kind: line          # the tip on a straight line, from rest to rest; other paths:
-  start: [1.6, 0.2]   #   {kind: circle, center: [1.2, 0.4], start: [1.6, 0.4], angle: 6.28, ...}
-  end: [0.7, 1.2]     #   {kind: spline, points: [[1.6, 0.2], [1.3, 0.9], [0.7, 1.2]], ...}
-  duration: 2.0       # s"""
+  start: [1.6, 0.2]   #   {{kind: circle, center: [1.2, 0.4], start: [1.6, 0.4], angle: 6.28, ...}}
+  end: [0.7, 1.2]     #   {{kind: spline, points: [[1.6, 0.2], [1.3, 0.9], [0.7, 1.2]], ...}}
+  duration: {duration}       # s"""
 
 
 def _length(links: int) -> float:
     return round(REACH / links, 4)
-
-
-def _height(gravity: bool) -> float:
-    return 0.02 if gravity else 0.008

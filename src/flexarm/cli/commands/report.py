@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -17,11 +17,14 @@ def report(
     out: Annotated[Path | None, option("FILE", "The .html file; default: beside it.")] = None,
     title: Annotated[str | None, option("TEXT", "Title; by default the name of the file.")] = None,
     magnify: Annotated[
-        float,
+        float | None,
         typer.Option(
-            metavar="FACTOR", min=0, max=10_000, help="Factor on the drawn bending of the links."
+            metavar="FACTOR",
+            min=0,
+            max=10_000,
+            help="Factor on the drawn bending; by default it is drawn at about 5 % of a link.",
         ),
-    ] = 1.0,
+    ] = None,
     rigid: Annotated[
         bool, flag("--rigid", "Also draw the rigid arm at the same joint angles.")
     ] = False,
@@ -42,5 +45,6 @@ def report(
         except InputError as error:
             raise error.at(str(result)) from None
     place = check_place("--out", out or result.with_suffix(".html"), (".html",))
-    reporting.report(dataset, place, title=title or result.stem, magnify=magnify, rigid=rigid)
+    options: dict[str, Any] = {"magnify": "auto" if magnify is None else magnify, "rigid": rigid}
+    reporting.report(dataset, place, title=title or result.stem, **options)
     print_line(f"report in {place}")

@@ -18,14 +18,15 @@ from flexarm.view.plot.drawn_result import (
     arm_of,
     at_times,
     check_drawable,
-    check_magnify,
     deflections,
+    factor_of,
     joined,
     joints_of,
     readable_unit,
     rigid_result,
     shapes_of,
 )
+from flexarm.view.plot.magnified import Magnify, check_magnify
 from flexarm.view.plot.mechanism import Marks, marks_of
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def postures(
     count: int = 10,
     *,
     rigid: bool | xr.Dataset = False,
-    magnify: float = 1.0,
+    magnify: Magnify = 1.0,
     axes: Any = None,
 ) -> Axes:
     """Draw the arm at evenly spaced times, early ones light, and the path of its tip.
@@ -51,7 +52,8 @@ def postures(
         count: number of postures, from the first sample to the last.
         rigid: True adds the rigid counterpart at the same joint angles, dashed; a result, such as
             that of ``arm.rigid()`` with the same torques, adds the arm of that result.
-        magnify: factor on the bending of the links. The path is that of the drawn tip.
+        magnify: factor on the bending of the links, or "auto" for one that draws the largest
+            deflection at about 5 % of its link. The path is that of the drawn tip.
         axes: Matplotlib axes to draw into; None for a new figure.
 
     Returns:
@@ -59,18 +61,19 @@ def postures(
 
     Raises:
         InputError: if the result does not contain the motion of an arm, ``count`` is not an
-            integer from 2 to 200, ``magnify`` is not from 0 to 10,000, or ``rigid`` is neither a
-            bool nor a result.
+            integer from 2 to 200, ``magnify`` is neither from 0 to 10,000 nor "auto", or ``rigid``
+            is neither a bool nor a result.
     """
     result = check_drawable("result", result)
     count = check_count("count", count, 2, _MOST)
     magnify = check_magnify(magnify)
     arm = arm_of("result", result)
+    factor = factor_of(magnify, [(arm, result, False)])
     ghost = rigid_result(rigid, arm, result)
     time = result["time"].values
     times = np.linspace(time[0], time[-1], count)
     q = at_times(time, result["q"].values, times)
-    shapes = shapes_of(arm, q, magnify)
+    shapes = shapes_of(arm, q, factor)
     marks = marks_of(arm, q, shapes)
     with style.panels(axes, 1, (4.8, 4.4), style.rows(1)) as (panel,):
         if ghost is not None:
@@ -80,10 +83,10 @@ def postures(
             {"color": style.AGES(age), "linewidth": 1.5} for age in np.linspace(0.0, 1.0, count)
         ]
         _draw_marks(panel, marks, looks)
-        name = "flexible" if magnify == 1.0 else f"bending × {magnify:g}"
+        name = "flexible" if factor == 1.0 else f"bending × {factor:g}"
         _draw_arms(panel, arm, shapes, looks, name)
         panel.plot(
-            *_tip_path(arm, result, magnify).T, color=style.VERMILLION, linewidth=1.2, label="tip"
+            *_tip_path(arm, result, factor).T, color=style.VERMILLION, linewidth=1.2, label="tip"
         )
         panel.plot(*marks.feet.T, "o", color=style.INK, markersize=4.5, clip_on=False)
         for words, links in (("start", shapes[0]), ("end", shapes[-1])):
@@ -126,14 +129,14 @@ def _name_tip(panel: Axes, words: str, link: FloatArray) -> None:
     panel.annotate(words, place, xytext=(4 if right else -4, 3), **near)
 
 
-def _tip_path(arm: Arm, result: xr.Dataset, magnify: float) -> FloatArray:
-    if magnify == 1.0:
+def _tip_path(arm: Arm, result: xr.Dataset, factor: float) -> FloatArray:
+    if factor == 1.0:
         path: FloatArray = result["tip"].values
         return path
     time = result["time"].values
     fine = np.linspace(time[0], time[-1], min(len(time), 400))
     q = at_times(time, result["q"].values, fine)
-    return shapes_of(arm, q, magnify, stations=2)[:, -1, -1]
+    return shapes_of(arm, q, factor)[:, -1, -1]
 
 
 @public_call_as("plot.deflection")

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_dataset, check_kind, check_nonnegative
+from flexarm.base.arguments import check_dataset, check_kind
 from flexarm.base.errors import InputError, ModelError, Problem, nearest, shown
 from flexarm.model import Scenario, arm_spec_of_text, scenario_of_text
 from flexarm.simulation.run.channels import CHANNELS
+from flexarm.view.plot.magnified import Magnify, automatic, bending_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -168,7 +169,8 @@ def readable_unit(unit: str, values: FloatArray) -> tuple[float, str]:
 STATIONS = 25
 #: Limit on the samples of an envelope; more would take seconds.
 _MOST_SAMPLES = 4000
-_MOST_MAGNIFIED = 1e4
+#: Samples of a run from which the factor on its bending is chosen.
+_MOST_WEIGHED = 200
 
 
 def check_drawable(name: str, value: object) -> xr.Dataset:
@@ -184,11 +186,6 @@ def check_drawable(name: str, value: object) -> xr.Dataset:
     if not np.isfinite(result["q"].values).all():
         raise InputError(Problem(name, "contains NaN or infinite coordinates"))
     return result
-
-
-def check_magnify(value: object) -> float:
-    """Validate and return a factor on the bending of links."""
-    return check_nonnegative("magnify", value, _MOST_MAGNIFIED)
 
 
 def arm_of(name: str, result: xr.Dataset) -> Arm:
@@ -262,14 +259,26 @@ def at_times(time: FloatArray, values: FloatArray, times: FloatArray) -> FloatAr
 def shapes_of(
     arm: Arm, q: FloatArray, magnify: float = 1.0, stations: int = STATIONS
 ) -> FloatArray:
-    """Return shapes (k, links, stations, 2) m; magnified ones keep lengths (linear theory)."""
-    if magnify != 1.0:
-        linear = Arm(arm.spec.model_copy(update={"theory": "linear"}))
-        arm = linear if linear.dof == arm.dof else arm
-        q = q.copy()
-        for piece in arm.assembly.pieces:
-            q[:, piece.modal] *= magnify
-    return np.array([arm.shape(row, stations) for row in q])
+    """Return shapes (k, links, stations, 2) m of q (k, dof), with bending drawn by a factor."""
+    points = np.array([arm.shape(row, stations) for row in q])
+    return points if magnify == 1.0 else bending_of(arm, q, points).links(points, magnify)
+
+
+def factor_of(magnify: Magnify, motions: Sequence[tuple[Arm, xr.Dataset, bool]]) -> float:
+    """Return the factor on the bending of results, which pictures of all of them share.
+
+    With each arm and result is whether surfaces are drawn that the arm touches.
+    """
+    if magnify != "auto":
+        return magnify
+    bendings = []
+    for arm, result, touches in motions:
+        count = len(result["q"])
+        chosen = np.linspace(0, count - 1, min(count, _MOST_WEIGHED)).round().astype(int)
+        q = result["q"].values[chosen]
+        points = shapes_of(arm, q, stations=9)
+        bendings.append((bending_of(arm, q, points, touches), points))
+    return automatic(bendings)
 
 
 def joined(arm: Arm, shapes: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import station_of
 from flexarm.view.plot.drawn_result import FloatArray
+from flexarm.view.plot.magnified import Place, point_at, segment_at
 
 
 class Marks(NamedTuple):
@@ -20,6 +21,10 @@ class Marks(NamedTuple):
     rails: FloatArray
     body: FloatArray | None  # (F, points, 2) line through a moving base and its joints
     pins: FloatArray  # (F, c, 2) first points of closures
+    carriers: tuple[Place, ...]  # (R + c,) that carry rails and pins
+
+
+_GROUND = Place(-1, 0.0)
 
 
 class _Pose(NamedTuple):
@@ -47,10 +52,12 @@ def marks_of(arm: Arm, q: FloatArray, shapes: FloatArray) -> Marks:
     base = _base(arm, q)
     ground = _Pose(np.zeros((frames, 2)), np.tile([1.0, 0.0], (frames, 1)))
     feet, rails, pins, body = [], [], [], [base.at]
+    on_rails, on_pins = [], []
     for i, (joint, parent) in enumerate(zip(spec.joints, spec.parents, strict=True)):
-        carrier = base
+        carrier, at = base, _GROUND
         if parent >= 0:
-            carrier = _on(arm, shapes, parent, station_of(spec, i))
+            at = _section(arm, parent, station_of(spec, i))
+            carrier = _on(shapes, at)
         place = carrier.point(*joint.offset)
         if parent < 0:
             body += [place, base.at]
@@ -60,14 +67,17 @@ def marks_of(arm: Arm, q: FloatArray, shapes: FloatArray) -> Marks:
             x, y = joint.axis or (1.0, 0.0)
             axis = carrier.direction(float(np.arctan2(y, x)))
             rails.append(_rail(place, axis, shapes[:, i, 0]))
+            on_rails.append(at)
     for closure in spec.closures:
-        section = _on(arm, shapes, closure.link - 1, closure.station)
+        at, to = _section(arm, closure.link - 1, closure.station), _GROUND
+        section = _on(shapes, at)
         first = section.point(*closure.offset)
         pins.append(first)
         rails.append(np.stack([section.at, first], axis=1))
         second = base if closure.to_link == 0 else ground
         if closure.to_link:
-            second = _on(arm, shapes, closure.to_link - 1, closure.to_station)
+            to = _section(arm, closure.to_link - 1, closure.to_station)
+            second = _on(shapes, to)
         place = second.point(*closure.to_offset)
         if closure.to_link:
             rails.append(np.stack([second.at, place], axis=1))
@@ -75,11 +85,14 @@ def marks_of(arm: Arm, q: FloatArray, shapes: FloatArray) -> Marks:
             rails.append(_rail(place, second.direction(closure.angle), first))
         elif closure.to_link is None or not (closure.to_link or spec.base.free):
             feet.append(place[0])
+        on_pins.append(at)
+        on_rails += [at, *[to] * (bool(closure.to_link) + (closure.kind == "line"))]
     return Marks(
         feet=np.unique(np.array(feet).reshape(-1, 2), axis=0),
         rails=np.array(rails).reshape(-1, frames, 2, 2).swapaxes(0, 1),
         body=np.stack(body, axis=1) if spec.base.free else None,
         pins=np.array(pins).reshape(-1, frames, 2).swapaxes(0, 1),
+        carriers=(*on_rails, *on_pins),
     )
 
 
@@ -92,15 +105,18 @@ def _base(arm: Arm, q: FloatArray) -> _Pose:
     return _Pose(np.stack([values["x"], values["y"]], axis=1), along)
 
 
-def _on(arm: Arm, shapes: FloatArray, link: int, station: float | None) -> _Pose:
+def _section(arm: Arm, link: int, station: float | None) -> Place:
     """Return the section of a link at a distance (m) from its root, by default at its tip."""
-    points = shapes[:, link]
-    share = 1.0 if station is None else station / arm.spec.links[link].length
-    place = min(share, 1.0) * (points.shape[1] - 1)
-    k = min(int(place), points.shape[1] - 2)
+    return Place(link, 1.0 if station is None else station / arm.spec.links[link].length)
+
+
+def _on(shapes: FloatArray, place: Place) -> _Pose:
+    """Return the pose of a section of a link."""
+    points = shapes[:, place.link]
+    k, _ = segment_at(place.share, points.shape[1])
     step = points[:, k + 1] - points[:, k]
     length = np.linalg.norm(step, axis=1, keepdims=True)
-    return _Pose(points[:, k] + (place - k) * step, step / np.maximum(length, 1e-300))
+    return _Pose(point_at(points, place.share), step / np.maximum(length, 1e-300))
 
 
 def _rail(place: FloatArray, axis: FloatArray, moving: FloatArray) -> FloatArray:

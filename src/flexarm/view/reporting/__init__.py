@@ -37,6 +37,7 @@ from flexarm.view.plot.animation.scene import (
     surroundings,
     thin,
 )
+from flexarm.view.plot.magnified import Magnify, check_magnify, nearest_round
 
 #: Longest file that is shown in full, and longest link to save one, characters. Tables of torques
 #: may take megabytes.
@@ -169,14 +170,21 @@ def errors_table(result: xr.Dataset, arm: Arm, reference: Any) -> Table:
     for metric in METRICS:
         if np.isfinite(values[metric.name]) and metric.name != "controller_time":
             words = metric.name.replace("rms", "RMS").replace("_", " ")
-            name = f"{words[0].upper()}{words[1:]} [{metric.unit}]"
-            rows.append((name, number(values[metric.name])))
+            scale, unit = (1e3, "mm") if metric.unit == "m" else (1.0, metric.unit)
+            name = f"{words[0].upper()}{words[1:]} [{unit}]"
+            rows.append((name, number(scale * values[metric.name])))
             notes[name] = metric.meaning
-    rows.append(("Tip error at the end [m]", number(float(_tip_error(arm, reference, result)[-1]))))
+    end = 1e3 * float(_tip_error(arm, reference, result)[-1])
+    rows.append(("Tip error at the end [mm]", number(end)))
     desired = np.asarray(reference.joint_angle(float(result["time"].values[-1])))
     missed = result["joint_angle"].values[-1] - desired
     for joint, value in zip(arm.joint_numbers, missed, strict=True):
-        rows.append((f"Joint {joint}: error at the end [rad]", number(float(value))))
+        name = f"Joint {joint}: error at the end [rad]"
+        rows.append((name, number(float(value))))
+        notes[name] = (
+            "from the angles of the motion, at which the rigid arm has its tip on the path; "
+            "joints that follow the bent arm differ from them"
+        )
     return Table("Errors from the reference", ("", "value"), tuple(rows), notes)
 
 
@@ -339,7 +347,7 @@ def fitted(histories: Sequence[drawn_result.Signals]) -> list[drawn_result.Signa
 #: Histories beside the arm; the others are below it.
 _BESIDE = 3
 #: Limit on the coordinates of all frames, so that they take about two megabytes.
-_MOST_COORDINATES = 300_000
+_MOST_COORDINATES = 330_000
 #: Number of coordinates of a joint and its rigid counterpart, and of the arrow of a torque.
 _OF_JOINT, _OF_ARROW = 6, 56
 _MOST_FPS = 30.0
@@ -357,7 +365,7 @@ def report(
     title: str | None = None,
     notes: str = "",
     channels: str | Sequence[str] | None = None,
-    magnify: float = 1.0,
+    magnify: Magnify = "auto",
     rigid: bool | xr.Dataset = False,
     reference: Any = None,
     contacts: Sequence[Contact] | None = None,
@@ -381,7 +389,7 @@ def report(
         notes: text below the title, with its line breaks.
         channels: channels to draw over time, as in ``plot.history``; by default the main ones of
             the result. Of channels with many lines, twelve are drawn.
-        magnify: factor on the drawn bending of the links, as in ``animate``.
+        magnify: factor on the drawn bending of the links, or "auto", as in ``animate``.
         rigid: True adds the rigid counterpart at the same joint angles, dashed; a result adds the
             arm of that result.
         reference: motion to compute errors from. By default that of the scenario, for results of a
@@ -396,7 +404,7 @@ def report(
             written, or Jinja2 is not installed.
     """
     if isinstance(result, Identification) or is_identification(result):
-        others = (channels, magnify != 1.0 or None, rigid or None, reference, contacts)
+        others = (channels, magnify != "auto" or None, rigid or None, reference, contacts)
         from flexarm.view.reporting.identification import identification_page
 
         identified = (
@@ -417,17 +425,18 @@ def report(
     arm = drawn_result.arm_of("result", result)
     title = "Flexible arm" if title is None else check_kind("title", title, str, "text")
     notes = check_kind("notes", notes, str, "text")
-    magnify = drawn_result.check_magnify(magnify)
+    magnify = check_magnify(magnify)
     ghost = drawn_result.rigid_result(rigid, arm, result)
     desired, touched = surroundings(arm, result, reference, contacts)
     histories = panels(result, arm, desired, channels)
     engine = template_engine()
     place = None if path is None else check_place("path", path, (".html",))
-    options = SceneOptions(magnify, True, arm.links <= _MOST_ARROWS, ghost, desired, touched)
+    factor = drawn_result.factor_of(magnify, [(arm, result, bool(touched))])
+    options = SceneOptions(factor, True, arm.links <= _MOST_ARROWS, ghost, desired, touched)
     times, fps, speed = clock(result, arm.links)
     scene = scene_of("", arm, result, times, options, fitted(histories))
     player = fragment([scene], fps, speed, _BESIDE)
-    text = render(engine, result, arm, desired, histories, title, notes, player, magnify)
+    text = render(engine, result, arm, desired, histories, title, notes, player, factor)
     if place is not None:
         write_text(text, place)
     return text
@@ -446,11 +455,7 @@ def clock(
         return np.zeros(1), _MOST_FPS, 1.0
     speed = 1.0
     if not _SHORTEST / 2.0 <= duration <= _LONGEST:
-        # The speed is the nearest of 1, 2 and 5 times a power of ten.
-        value = duration / (_SHORTEST if duration < _SHORTEST else _LONGEST)
-        power = 10.0 ** np.floor(np.log10(value))
-        steps = np.array([1.0, 2.0, 5.0, 10.0]) * power
-        speed = float(f"{steps[np.argmin(np.abs(np.log(steps / value)))]:.0e}")
-    each = 2 * stations_of(links) + _OF_JOINT + (_OF_ARROW if links <= _MOST_ARROWS else 0)
+        speed = nearest_round(duration / (_SHORTEST if duration < _SHORTEST else _LONGEST))
+    each = 3 * stations_of(links) + _OF_JOINT + (_OF_ARROW if links <= _MOST_ARROWS else 0)
     frames = max(2, min(most // (each * links), round(duration / speed * _MOST_FPS) + 1))
     return np.linspace(0.0, duration, frames), (frames - 1) * speed / duration, speed

@@ -22,12 +22,12 @@ from flexarm.model import PlantSpec
 from flexarm.model.plausible import implausible
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.view.plot.animation.scene import SceneOptions, player_data, scene_of, thin
-from flexarm.view.plot.drawn_result import rigid_result, several
+from flexarm.view.plot.drawn_result import factor_of, rigid_result, several
 from flexarm.view.reporting import clock, error_panel, few_lines, report
 from flexarm.view.studio.state import Project
 
 #: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.
-_MOST_COORDINATES, _INTERVALS = 40_000, 200
+_MOST_COORDINATES, _INTERVALS = 47_000, 200
 _MOST_ARROWS = 8
 _MOST_FREQUENCIES = 6
 
@@ -103,11 +103,13 @@ def _part(request: Request) -> Part:
     histories = several("channels", None, result)
     if reference is not None:
         histories = [*histories, error_panel(result, arm, reference)]
+    contacts = prepared.options.get("contacts", ())
     options = SceneOptions(
+        magnify=factor_of("auto", [(arm, result, bool(contacts))]),
         torque=arm.links <= _MOST_ARROWS,
         ghost=rigid_result(True, arm, result),
         reference=reference,
-        contacts=prepared.options.get("contacts", ()),
+        contacts=contacts,
     )
     drawn = [thin(few_lines(each), _INTERVALS) for each in histories]
     scene = scene_of("", arm, result, times, options, drawn)

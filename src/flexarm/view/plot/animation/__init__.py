@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,7 @@ from flexarm.view.plot.animation.scene import (
     surroundings,
     thin,
 )
+from flexarm.view.plot.magnified import Magnify, check_magnify
 from flexarm.view.plot.palette import GREY, INK, SERIES
 
 if TYPE_CHECKING:
@@ -211,7 +213,7 @@ def animate(
     path: AnyPath | None = None,
     *,
     channels: str | Sequence[str] | None = None,
-    magnify: float = 1.0,
+    magnify: Magnify = "auto",
     rigid: bool | xr.Dataset = False,
     reference: Any = None,
     contacts: Sequence[Contact] | None = None,
@@ -230,8 +232,11 @@ def animate(
             ``pip install 'flexarm[animation]'`` includes.
         channels: channels to draw over time beside the arm, as in ``plot.history``; at most six,
             ``[]`` for none.
-        magnify: factor on the bending of the links. Joint angles do not change; path, tip and view
-            are those of the drawn arm.
+        magnify: factor on the bending of the links, which the picture states, beside a ghost of the
+            true shape. "auto" draws the largest deflection at about 5 % of its link, by a factor of
+            1, 2 or 5 times a power of ten; the player has a slider for it. Joint angles do not
+            change; path and tip are those of the drawn arm. With closures or surfaces, the ends of
+            links keep their places.
         rigid: True adds the rigid counterpart at the same joint angles, dashed; a result, such as
             that of ``arm.rigid()`` with the same torques, adds the arm of that result.
         reference: motion that contains the reference path of the tip. By default that of the
@@ -258,10 +263,10 @@ def animate(
     fps = check_number("fps", fps, lambda rate: 1.0 <= rate <= 240.0, "be from 1 to 240")
     if place is not None and place.suffix.lower() == ".gif":
         fps = 100.0 / gif_delay(fps)
-    magnify = drawn_result.check_magnify(magnify)
+    magnify = check_magnify(magnify)
     width = check_count("width", width, 320, 7680)
     times = _times(named, fps, speed)
-    scenes = []
+    motions, drawings = [], []
     for name, result in named.items():
         arm = drawn_result.arm_of("results", result)
         none = isinstance(channels, list | tuple) and not channels
@@ -271,9 +276,14 @@ def animate(
             raise InputError(Problem("channels", rule, shown(len(histories))))
         desired, touched = surroundings(arm, result, reference, contacts)
         ghost = drawn_result.rigid_result(rigid, arm, result)
-        options = SceneOptions(magnify, trace, torque, ghost, desired, touched)
-        drawn = [thin(signals, _INTERVALS) for signals in histories]
-        scenes.append(scene_of(name, arm, result, times, options, drawn))
+        options = SceneOptions(1.0, trace, torque, ghost, desired, touched)
+        motions.append((arm, result, bool(touched)))
+        drawings.append((name, options, [thin(signals, _INTERVALS) for signals in histories]))
+    factor = drawn_result.factor_of(magnify, motions)
+    scenes = [
+        scene_of(name, arm, result, times, replace(options, magnify=factor), histories)
+        for (arm, result, _), (name, options, histories) in zip(motions, drawings, strict=True)
+    ]
     if len({len(scene.histories) for scene in scenes}) > 1:
         rule = "are required, because the results have different ones"
         raise InputError(Problem("channels", rule))

@@ -24,32 +24,37 @@ function drawArm(scene, canvas, middle, half, frame, span) {
     title = (title ? title + ", " : "") + "t = " + times.join(" to ") + " s";
     shown.slice(0, -1).forEach((k, place) => {
       draw.globalAlpha = 0.25 + 0.35 * place / shown.length;
-      drawLinks(draw, scene, k, toX, toY, side / (2 * half));
+      drawLinks(draw, scene, posed(scene, k), k, toX, toY, side / (2 * half));
     });
     draw.globalAlpha = 1;
   }
-  const tip = scene.links[frame][scene.links[frame].length - 1].slice(-1)[0];
+  const pose = posed(scene, frame), tip = tipOf(pose.links);
   if (scene.path) {
-    const gone = scene.path.filter((_, k) => scene.pathTimes[k] <= scene.times[frame]);
+    if (scene.drawnBy !== magnify) [scene.drawnPath, scene.drawnBy] = [magnifiedPath(scene), magnify];
+    const gone = scene.drawnPath.filter((_, k) => scene.pathTimes[k] <= scene.times[frame]);
     line(draw, gone.concat([tip]), toX, toY, VERMILLION, 1.5);
     entries.push(["tip", VERMILLION]);
   }
   if (scene.previous) {
     const before = scene.previous, last = before.times.length - 1;
-    const then = before.links[Math.min(indexAt(before.times, scene.times[frame]), last)];
-    for (const link of then) line(draw, link, toX, toY, SKY, 2.5);
+    const then = Math.min(indexAt(before.times, scene.times[frame]), last);
+    for (const link of magnify === 1 ? before.links[then] : magnifiedLinks(before, then)) line(draw, link, toX, toY, SKY, 2.5);
     entries.push(["previous", SKY]);
   }
   if (scene.ghost) {
     for (const link of scene.ghost[frame]) line(draw, link, toX, toY, GREY, 1.8, [6, 3]);
     entries.push(["rigid", GREY, [6, 3]]);
   }
-  drawLinks(draw, scene, frame, toX, toY, side / (2 * half));
-  if (scene.arrows && !printing) {
-    for (const arrow of scene.arrows[frame]) line(draw, arrow, toX, toY, PURPLE, 2.2);
+  if (magnify !== 1) {
+    for (const link of scene.links[frame]) line(draw, link, toX, toY, TRUE, 1.5);
+    entries.push(["true shape", TRUE]);
+  }
+  drawLinks(draw, scene, pose, frame, toX, toY, side / (2 * half));
+  if (pose.arrows && !printing) {
+    for (const arrow of pose.arrows) line(draw, arrow, toX, toY, PURPLE, 2.2);
     entries.push(["torque", PURPLE]);
   }
-  for (const [px, py] of scene.joints[frame]) dot(draw, toX(px), toY(py), 4, "white", INK);
+  for (const [px, py] of pose.joints) dot(draw, toX(px), toY(py), 4, "white", INK);
   dot(draw, toX(tip[0]), toY(tip[1]), scene.payload ? 6 : 2.5, scene.payload ? ORANGE : INK);
   if (scene.goal) {
     const [gx, gy] = [toX(scene.goal[frame][0]), toY(scene.goal[frame][1])];
@@ -62,7 +67,11 @@ function drawArm(scene, canvas, middle, half, frame, span) {
   draw.textAlign = "right";
   draw.textBaseline = "top";
   draw.fillText(title, box.left + side - 6, box.top + 6);
+  draw.textAlign = "left";
+  if (magnify !== 1) draw.fillText(bendingText(), box.left + 6, box.top + 6);
 }
+
+function bendingText() { return "bending × " + Number(magnify.toPrecision(3)); }
 
 function drawSurroundings(draw, scene, toX, toY, side) {
   for (const [course, behind] of scene.solids) {
@@ -81,11 +90,11 @@ function drawSurroundings(draw, scene, toX, toY, side) {
   }
 }
 
-function drawLinks(draw, scene, frame, toX, toY, scale) {
+function drawLinks(draw, scene, pose, frame, toX, toY, scale) {
   draw.lineCap = "round";
-  for (const rail of scene.rails[frame]) line(draw, rail, toX, toY, "#8C8C8C", 1.5);
+  for (const rail of pose.rails) line(draw, rail, toX, toY, "#8C8C8C", 1.5);
   if (scene.body) line(draw, scene.body[frame], toX, toY, "#8C8C8C", 9);
-  scene.links[frame].forEach((link, k) => {
+  pose.links.forEach((link, k) => {
     line(draw, link, toX, toY, scene.bends[k] ? BLUE : INK, Math.max(4, scale * scene.depths[k]));
   });
   draw.lineCap = "butt";

@@ -1,6 +1,7 @@
 // Colours, and what arms and histories have in common on their canvases.
 const BLUE = "#0072B2", VERMILLION = "#D55E00", GREEN = "#009E73", PURPLE = "#CC79A7";
 const SKY = "#9BD0F2", ORANGE = "#E69F00", INK = "#262626", GREY = "#8C8C8C", GRID = "#E3E3E3", SOLID = "#D9D9D9";
+const TRUE = "#A8A8A8"; // the true shape behind a magnified one
 let printing = false; // whether the page is laid out for paper
 
 function add(parent, tag, name, text) {
@@ -13,7 +14,9 @@ function add(parent, tag, name, text) {
 
 function ticks(low, high, most) {
   const raw = (high - low) / most, power = Math.pow(10, Math.floor(Math.log10(raw)));
-  const step = [1, 2, 5, 10].map((k) => k * power).find((k) => k >= raw * 0.999);
+  const steps = [0.5, 1, 2, 5, 10].map((k) => k * power), place = steps.findIndex((k) => k >= raw * 0.999);
+  const many = (k) => Math.floor(high / k) - Math.ceil(low / k) > 0; // two at least
+  const step = many(steps[place]) ? steps[place] : steps[place - 1];
   const found = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));

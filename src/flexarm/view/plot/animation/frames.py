@@ -49,6 +49,8 @@ class Stage:
                     self._moving.append((panel, _Cursor(panel, scene.times, signals)))
                 for panel in own[:-1]:
                     panel.set_xlabel("")
+                for panel in own:
+                    _keep_title_free(panel)
             self._canvas.draw()
         self._still = self._canvas.copy_from_bbox(self._sheet.bbox)
         self.arms = arms
@@ -141,6 +143,8 @@ class _Arm:
         scale = 72.0 * axes.get_window_extent().width / DPI / (view[1] - view[0])  # points per m
         self.rails = [_line(axes, color=style.GREY, linewidth=1.2) for _ in scene.marks.rails[0]]
         self.body = _line(axes, color=style.GREY, linewidth=7.0, solid_capstyle="round")
+        self.true = _line(axes, color=style.GREY, linewidth=1.0, alpha=0.6, label="true shape")
+        self.note = "" if scene.true is None else f"   bending × {scene.magnify:g}"
         self.links = []
         for depth, bends in zip(scene.depths, scene.bends, strict=True):
             color, width = style.BLUE if bends else style.INK, max(_LINK, scale * depth)
@@ -156,9 +160,14 @@ class _Arm:
         _feet(axes, scene.marks.feet, view)
         shown = [self.ghost] * (scene.ghost is not None) + [self.path] * (scene.path is not None)
         shown += [self.arrows] * (scene.arrows is not None)
+        shown += [self.true] * (scene.true is not None)
         shown = [line for line in axes.get_lines() if line.get_label() == "reference"] + shown
         if shown:
-            style.legend_above(axes, shown, [str(line.get_label()) for line in shown])
+            names = [str(line.get_label()) for line in shown]
+            style.legend_above(axes, shown, names)
+            legend: Any = axes.get_legend()
+            if legend.get_window_extent().width > axes.get_window_extent().width:
+                style.legend_above(axes, shown, names, columns=(len(shown) + 1) // 2)
 
     def at(self, frame: int) -> Iterator[Any]:
         scene = self.scene
@@ -169,11 +178,11 @@ class _Arm:
             self.path.set_data(*np.vstack([scene.path[:now], tip]).T)
             yield self.path
         if scene.ghost is not None:
-            ghost = scene.ghost[frame]
-            if not scene.serial:
-                ghost = np.concatenate([ghost, np.full((len(ghost), 1, 2), np.nan)], axis=1)
-            self.ghost.set_data(*ghost.reshape(-1, 2).T)
+            self.ghost.set_data(*self._joined(scene.ghost[frame]).T)
             yield self.ghost
+        if scene.true is not None:
+            self.true.set_data(*self._joined(scene.true.links[frame]).T)
+            yield self.true
         for line, ends in zip(self.rails, scene.marks.rails[frame], strict=True):
             line.set_data(*ends.T)
             yield line
@@ -195,8 +204,14 @@ class _Arm:
         if self.goal is not None and scene.reference is not None:
             self.goal.set_data(*scene.reference[1][frame : frame + 1].T)
             yield self.goal
-        self.clock.set_text(f"t = {time:.3f} s")
+        self.clock.set_text(f"t = {time:.3f} s{self.note}")
         yield self.clock
+
+    def _joined(self, links: Any) -> Any:
+        """Return the line (points, 2) through links (links, stations, 2), NaN between branches."""
+        if not self.scene.serial:
+            links = np.concatenate([links, np.full((len(links), 1, 2), np.nan)], axis=1)
+        return links.reshape(-1, 2)
 
 
 class _Cursor:
@@ -223,6 +238,15 @@ def _line(axes: Axes, **look: Any) -> Line2D:
     """Add an empty line that is drawn in every frame."""
     (line,) = axes.plot([], [], animated=True, **{"label": "_", **look})
     return line
+
+
+def _keep_title_free(panel: Axes) -> None:
+    """Put a legend for which there is no room beside the title into the panel."""
+    legend: Any = panel.get_legend()
+    title = panel.set_title(panel.get_title(loc="left"), loc="left")
+    if legend is not None and legend.get_window_extent().x0 < title.get_window_extent().x1 + 6.0:
+        look: dict[str, Any] = {"frameon": True, "framealpha": 0.75, "edgecolor": "none"}
+        panel.legend(loc="upper right", ncols=2, borderpad=0.1, **look)
 
 
 def _feet(axes: Axes, feet: Any, view: tuple[float, float, float, float]) -> None:

@@ -50,7 +50,8 @@ function rangeOf(lines) {
 function backdrop(history, labelled, span, width, height, ratio) {
   const picture = document.createElement("canvas");
   const draw = prepare(picture, width, height, ratio);
-  const box = { left: 62, top: 24, width: width - 74, height: height - (labelled ? 64 : 46) };
+  const rows = namesBelow(draw, history, width - 74), top = 24 + ROW * rows.length;
+  const box = { left: 62, top, width: width - 74, height: height - top - (labelled ? 40 : 22) };
   const [times, lines] = within(history, span);
   const [timesBefore, linesBefore] = history.previous ? within(history.previous, span) : [[], []];
   const range = rangeOf(lines.concat(linesBefore));
@@ -68,7 +69,7 @@ function backdrop(history, labelled, span, width, height, ratio) {
   draw.restore();
   const digits = Math.min(8, Math.max(0, 3 - Math.floor(Math.log10(range[1] - range[0]))));
   const toTime = (x) => span[0] + Math.min(1, Math.max(0, (x - box.left) / box.width)) * (span[1] - span[0]);
-  return { picture, box, range, toX, toY, toTime, digits };
+  return { picture, box, range, toX, toY, toTime, digits, rows };
 }
 
 function drawHistory(history, labelled, canvas, now, zoom) {
@@ -78,7 +79,7 @@ function drawHistory(history, labelled, canvas, now, zoom) {
     canvas.key = key;
     canvas.still = backdrop(history, labelled, span, width, height, ratio);
   }
-  const { picture, box, range, toX, toY, digits } = canvas.still;
+  const { picture, box, range, toX, toY, digits, rows } = canvas.still;
   draw.drawImage(picture, 0, 0, width, height);
   const values = history.lines.map((values) => valueAt(history.time, values, now));
   if (!printing && now >= span[0] && now <= span[1]) {
@@ -92,19 +93,36 @@ function drawHistory(history, labelled, canvas, now, zoom) {
     draw.fillStyle = "rgba(0, 114, 178, 0.15)";
     draw.fillRect(Math.min(from, to), box.top, Math.abs(to - from), box.height);
   }
-  drawNames(draw, history, values, box, digits, range);
+  drawNames(draw, history, values, box, digits, range, rows);
 }
 
-// Title at the left; names at the right with their values, as far as they fit.
-function drawNames(draw, history, values, box, digits, range) {
+const ROW = 15; // height of a row of names below the title
+function namesOf(history) { return history.labels.map((label, j) => [label, history.colors[j]]); }
+
+// Rows of names that do not fit beside the title: none if they do, or if there are too many.
+function namesBelow(draw, history, width) {
+  const names = namesOf(history);
+  if (legendWidth(draw, names) <= width - draw.measureText(history.title).width - 12) return [];
+  const rows = [[]];
+  for (const name of names) {
+    const row = rows[rows.length - 1];
+    if (row.length && legendWidth(draw, [...row, name]) > width) rows.push([name]); else row.push(name);
+  }
+  return rows.length > 2 ? [] : rows;
+}
+
+// Title at the left; names at the right with their values, as far as they fit, or below it.
+function drawNames(draw, history, values, box, digits, range, rows) {
   draw.fillStyle = INK;
   draw.textAlign = "left";
   draw.textBaseline = "middle";
   draw.fillText(history.title, box.left, 12);
+  rows.forEach((row, k) => legend(draw, row, box.left + legendWidth(draw, row), 12 + ROW * (k + 1)));
+  if (rows.length) return;
   const free = box.width - draw.measureText(history.title).width - 12;
   const width = Math.max(...range.map((value) => draw.measureText(value.toFixed(digits)).width));
   const text = (value) => (value === null ? "–" : value.toFixed(digits));
-  const plain = history.labels.map((label, j) => [label, history.colors[j]]);
+  const plain = namesOf(history);
   const full = plain.map(([label, color], j) => [label, color, null, text(values[j]), width]);
   const wanted = plain.length > 1 ? [plain, [plain[0], plain[plain.length - 1]]] : [[]];
   if (!printing) wanted.unshift(full);

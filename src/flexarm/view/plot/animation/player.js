@@ -1,6 +1,9 @@
 // Plays the scenes of `data` in the element `root`: canvases for arms and histories, one time.
 const canvases = []; // [canvas, function that draws it]
-let frame = 0, playing = false, began = 0, beganAt = 0, rate = 1;
+// Readers who ask their system for less motion start the animation themselves, and it plays once.
+const calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+const REST = 0.8; // s at the end of the run, before it plays again
+let frame = 0, playing = false, began = 0, beganAt = 0, rate = 1, visible = true;
 let zoom = null; // span of time that all histories show; null for the whole run
 let frames, timed, run, middle, half;
 
@@ -70,6 +73,26 @@ for (const k of [0.1, 0.25, 0.5, 1, 2]) {
   const option = add(speeds, "option", "", Number((k * data.speed).toPrecision(3)) + " ×");
   option.value = k; option.selected = k === 1;
 }
+const bending = add(controls, "label", "bending");
+const bendingValue = add(bending, "span"), factors = add(bending, "input");
+factors.type = "range"; factors.min = 0; factors.step = 1;
+factors.setAttribute("aria-label", "factor on the drawn bending");
+let steps = []; // factors of the slider, of which each is 1, 2 or 5 times a power of ten
+function setFactors() {
+  const chosen = data.scenes[0].magnify;
+  steps = [0, 1, 2, 3, 4].flatMap((k) => [1, 2, 5].map((n) => n * Math.pow(10, k)));
+  steps = steps.filter((step) => step <= Math.max(10, 10 * chosen) && step <= 10000);
+  if (!steps.includes(chosen)) steps = steps.concat([chosen]).sort((a, b) => a - b);
+  factors.max = steps.length - 1;
+  setMagnify(chosen);
+  bending.hidden = !data.scenes.some((scene) => scene.bends.some(Boolean));
+}
+function setMagnify(factor) {
+  magnify = factor;
+  factors.value = steps.indexOf(factor);
+  bendingValue.textContent = bendingText();
+}
+factors.addEventListener("input", () => { setMagnify(steps[Number(factors.value)]); redraw(); });
 const zooming = [
   ["zoom-in", "Zoom in", () => scaleZoom(0.5)],
   ["zoom-out", "Zoom out", () => scaleZoom(2)],
@@ -135,6 +158,7 @@ function interact(canvas) {
   const draw = canvases[canvases.length - 1][1];
   canvas.addEventListener("pointerdown", (event) => {
     if (event.button !== 0) return;
+    stop();
     canvas.drag = [event.offsetX, event.offsetX];
     canvas.setPointerCapture(event.pointerId);
   });
@@ -176,9 +200,12 @@ function stop() { playing = false; button.textContent = "Play"; }
 function toggle() { if (playing) stop(); else start(); }
 function step(now) {
   if (!playing) return;
+  if (!visible) { began = now; beganAt = frame; }
   const next = beganAt + Math.floor(Math.max(0, now - began) / 1000 * data.fps * rate);
-  if (next !== frame) show(next);
-  if (frame === frames - 1) stop(); else requestAnimationFrame(step);
+  if (calm && next >= frames - 1) { show(frames - 1); stop(); return; }
+  if (next > frames - 1 + REST * data.fps) { began = now; beganAt = 0; show(0); }
+  else if (Math.min(next, frames - 1) !== frame) show(next);
+  requestAnimationFrame(step);
 }
 button.addEventListener("click", toggle);
 slider.addEventListener("input", () => { stop(); show(Number(slider.value)); });
@@ -195,14 +222,20 @@ function layOut(paper) {
 }
 window.addEventListener("beforeprint", () => layOut(true));
 window.addEventListener("afterprint", () => layOut(false));
+setFactors();
 setZoom(null);
 show(0);
+if (window.IntersectionObserver) {
+  new IntersectionObserver((entries) => { visible = entries[entries.length - 1].isIntersecting; }).observe(root);
+}
+if (!calm && frames > 1) start();
 
 // Show other data at the time that is shown, in the same canvases if the histories are the same.
 function load(next, previous) {
   const titles = () => data.scenes.map((scene) => scene.histories.map((history) => history.title)).join();
   const now = timeNow(), before = titles();
   data = next;
+  keepMagnify();
   data.scenes.forEach((scene, s) => setPrevious(scene, previous && previous.scenes[s]));
   measure();
   if (titles() !== before) build();
@@ -215,9 +248,19 @@ function load(next, previous) {
   show(beganAt);
 }
 
+// Keep the factor on the bending, so that runs can be compared, unless the bending would be drawn
+// much larger or smaller than by the factor that was chosen for the run.
+function keepMagnify() {
+  const kept = magnify;
+  setFactors();
+  const change = kept / magnify;
+  if (steps.includes(kept) && change < 6 && change > 1 / 6) setMagnify(kept);
+}
+
 // Set or remove a ghost. It is copied without its own ghost, which would keep all earlier runs.
 function setPrevious(scene, before) {
-  scene.previous = before && { times: before.times, links: before.links, view: before.view };
+  const names = ["times", "links", "view", "turns", "carriers"];
+  scene.previous = before && Object.fromEntries(names.map((name) => [name, before[name]]));
   for (const history of scene.histories) {
     const same = (one) => one.title === history.title && one.label === history.label;
     const old = before && before.histories.find(same);

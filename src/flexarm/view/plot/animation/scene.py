@@ -30,6 +30,7 @@ from flexarm.view.plot.drawn_result import (
     scenario_of,
     shapes_of,
 )
+from flexarm.view.plot.magnified import Bending, Place, bending_of, straight_ends
 from flexarm.view.plot.mechanism import Marks, marks_of
 from flexarm.view.plot.palette import series_colors
 
@@ -60,6 +61,7 @@ class Scene:
     depths: tuple[float, ...]
     bends: tuple[bool, ...]  # (links,) whether a link is flexible
     joints: FloatArray  # (F, k, 2) of movable joints, and of closures
+    seats: tuple[int, ...]  # indices of the links at whose roots the movable joints are
     marks: Marks  # ground, slides and base
     serial: bool  # whether each link follows the one before
     payload: bool  # whether the arm carries one
@@ -68,11 +70,15 @@ class Scene:
     ghost: FloatArray | None  # (F, links, stations, 2) of the rigid counterpart, or None
     path: FloatArray | None  # (P, 2) of the drawn tip, at times (P,) ``path_times``; or None
     path_times: FloatArray
+    straight_path: FloatArray | None  # (P, 2) of the tip of the arm without bending, or None
     #: (R, 2) of the reference path, and (F, 2) reference position of the tip; or None
     reference: tuple[FloatArray, FloatArray] | None
     solids: tuple[_Solid, ...]  # surfaces of the contacts
     histories: tuple[Signals, ...]  # beside the arm
     view: FloatArray  # (4,) smallest and largest x, smallest and largest y of everything that moves
+    bending: Bending
+    magnify: float = 1.0  # factor on the drawn bending
+    true: Scene | None = None  # the scene with the factor 1, if this one has another
 
 
 @dataclass(frozen=True)
@@ -100,13 +106,15 @@ def scene_of(
     time = result["time"].values
     now = np.clip(float(time[0]) + times, time[0], time[-1])
     q = at_times(time, result["q"].values, now)
-    links = shapes_of(arm, q, options.magnify, stations_of(arm.links))
+    links = shapes_of(arm, q, stations=stations_of(arm.links))
+    bending = bending_of(arm, q, links, touches=bool(options.contacts))
     path_times = np.linspace(time[0], time[-1], min(len(time), _MOST_POINTS))
-    if options.magnify == 1.0 and "tip" in result:
-        path = at_times(time, result["tip"].values, path_times)
-    else:
-        along = at_times(time, result["q"].values, path_times)
-        path = shapes_of(arm, along, options.magnify, 2)[:, -1, -1]
+    along = at_times(time, result["q"].values, path_times)
+    path = straight_path = None
+    if options.trace:
+        path = at_times(time, result["tip"].values, path_times) if "tip" in result else None
+        path = shapes_of(arm, along, stations=2)[:, -1, -1] if path is None else path
+        straight_path = None if bending.angle is None else straight_ends(arm, along)[:, -1, -1]
     straight = None if ghost is None else ghost.shapes(now, 2)
     desired = None
     if reference is not None:
@@ -116,43 +124,108 @@ def scene_of(
             base = at_times(time, result["base_position"].values, twice)
         tips = on_base(tip_reference(arm, reference, twice), base)
         desired = tips[: len(path_times)], tips[len(path_times) :]
-    marks = marks_of(arm, q, links)
-    shown = [links.reshape(-1, 2), path, marks.feet, marks.rails.reshape(-1, 2)]
-    shown += [] if marks.body is None else [marks.body.reshape(-1, 2)]
-    shown += [] if straight is None else [straight.reshape(-1, 2)]
-    shown += [] if desired is None else [desired[0]]
-    view = _view(np.concatenate(shown))
-    joints = joints_of(arm, links)[:, [seat.link for seat in arm.assembly.seats]]
-    arrows = None
-    if options.torque and "torque" in result and joints.shape[1]:
-        torque = at_times(time, result["torque"].values, now)
-        scale = float(np.abs(result["torque"].values).max(initial=0.0))
-        # The arrow starts at the link, so that its direction is clear in any posture.
-        first = links[:, [seat.link for seat in arm.assembly.seats], 1] - joints
-        if scale > 0.0:
-            radius = _RADIUS * float(view[1] - view[0])
-            angle = np.arctan2(first[..., 1], first[..., 0])
-            arrows = _arrows(joints, angle, torque / scale, radius)
-    spec = arm.spec
-    return Scene(
+    marks, spec = marks_of(arm, q, links), arm.spec
+    seats = tuple(seat.link for seat in arm.assembly.seats)
+    joints = joints_of(arm, links)[:, list(seats)]
+    scene = Scene(
         title=title,
         times=now,
         links=links,
         depths=tuple(0.0 if k.section is None else float(k.section.depth) for k in spec.links),
         bends=tuple(link.flexible for link in spec.links),
         joints=np.concatenate([joints, marks.pins], axis=1),
+        seats=seats,
         marks=marks,
         serial=spec.is_serial,
         payload=spec.payload.mass > 0.0,
-        arrows=arrows,
+        arrows=None,
         ghost=straight,
-        path=path if options.trace else None,
+        path=path,
         path_times=path_times,
+        straight_path=straight_path,
         reference=desired,
-        solids=tuple(_solid_of(contact.surface, view) for contact in options.contacts),
+        solids=(),
         histories=tuple(histories),
+        view=np.zeros(4),
+        bending=bending,
+    )
+    drawn = magnified(scene, options.magnify)
+    view = _view(np.concatenate([*_extent(scene), *_extent(drawn)]))
+    scene = replace(
+        scene,
+        arrows=_torques(scene, result, view) if options.torque else None,
+        solids=tuple(_solid_of(contact.surface, view) for contact in options.contacts),
         view=view,
     )
+    return magnified(scene, options.magnify)
+
+
+def magnified(scene: Scene, factor: float) -> Scene:
+    """Return a scene with its bending drawn by a factor."""
+    if factor == 1.0:
+        return scene
+    bending, true = scene.bending, scene.links
+    links = bending.links(true, factor)
+
+    def carried(points: FloatArray, places: Sequence[Place]) -> FloatArray:
+        drawn = points.copy()
+        for k, place in enumerate(places):
+            drawn[:, k] = bending.carried(true, links, points[:, k], place, factor)
+        return drawn
+
+    marks = scene.marks
+    rails = marks.rails.shape[1]
+    path = scene.path
+    if path is not None and scene.straight_path is not None:
+        # Exact at the frames; between them the bending of the path is scaled.
+        path = scene.straight_path + factor * (path - scene.straight_path)
+        away = links[:, -1, -1] - at_times(scene.path_times, path, scene.times)
+        path = path + at_times(scene.times, away, scene.path_times)
+    return replace(
+        scene,
+        links=links,
+        joints=carried(scene.joints, _carriers_of_joints(scene)),
+        marks=marks._replace(
+            rails=carried(marks.rails, marks.carriers[:rails]),
+            pins=carried(marks.pins, marks.carriers[rails:]),
+        ),
+        arrows=None
+        if scene.arrows is None
+        else carried(scene.arrows, [Place(i, 0.0) for i in scene.seats]),
+        path=path,
+        magnify=factor,
+        true=scene,
+    )
+
+
+def _carriers_of_joints(scene: Scene) -> list[Place]:
+    """Return the sections that carry the joints of a scene, and its closures."""
+    # See `joints_of`: a joint of a serial arm is at the tip before it.
+    joints = [Place(i - 1, 1.0) if scene.serial else Place(i, 0.0) for i in scene.seats]
+    return [*joints, *scene.marks.carriers[scene.marks.rails.shape[1] :]]
+
+
+def _extent(scene: Scene) -> list[FloatArray]:
+    """Return arrays of points (k, 2) that the view contains."""
+    shown = [scene.links, scene.marks.feet, scene.marks.rails, scene.marks.body, scene.ghost]
+    shown += [scene.path, None if scene.reference is None else scene.reference[0]]
+    return [points.reshape(-1, 2) for points in shown if points is not None]
+
+
+def _torques(scene: Scene, result: xr.Dataset, view: FloatArray) -> FloatArray | None:
+    """Return the arrows of the torques, or None."""
+    if "torque" not in result or not scene.seats:
+        return None
+    torque = at_times(result["time"].values, result["torque"].values, scene.times)
+    scale = float(np.abs(result["torque"].values).max(initial=0.0))
+    if scale == 0.0:
+        return None
+    # The arrow starts at the link, so that its direction is clear in any posture.
+    seats = list(scene.seats)
+    joints = scene.joints[:, : len(seats)]
+    first = scene.links[:, seats, 1] - joints
+    angle = np.arctan2(first[..., 1], first[..., 0])
+    return _arrows(joints, angle, torque / scale, _RADIUS * float(view[1] - view[0]))
 
 
 def stations_of(links: int) -> int:
@@ -287,7 +360,7 @@ def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, Sequence[Contact]]:
 
 
 #: Parts of the player's script, in their order.
-_SCRIPTS = ("canvas.js", "arm.js", "histories.js", "player.js")
+_SCRIPTS = ("canvas.js", "magnified.js", "arm.js", "histories.js", "player.js")
 #: Resolution of lengths: 1e-4 of the width of the view, a tenth of a pixel.
 _PARTS = 1e4
 
@@ -361,12 +434,16 @@ def _text(name: str) -> str:
 
 def _data(scene: Scene) -> dict[str, Any]:
     digits = max(0, 4 - math.floor(math.log10(float(scene.view[1] - scene.view[0]))))
-    reference = scene.reference
+    magnify, scene = scene.magnify, scene.true or scene  # the player magnifies the bending
+    reference, rails = scene.reference, scene.marks.rails.shape[1]
+    turns = scene.bending.angle if any(scene.bends) else None
+    # Without angles, the player magnifies the rounding of points, by ten times the factor at most.
+    finer = 0 if turns is not None else 1 + math.ceil(math.log10(max(magnify, 1.0)))
     return {
         "title": scene.title,
         "times": _rounded(scene.times, 6),
         "view": _rounded(scene.view, digits),
-        "links": _rounded(scene.links, digits),
+        "links": _rounded(scene.links, digits + finer * any(scene.bends)),
         "depths": list(scene.depths),
         "bends": [bool(bends) for bends in scene.bends],
         "joints": _rounded(scene.joints, digits),
@@ -374,10 +451,19 @@ def _data(scene: Scene) -> dict[str, Any]:
         "rails": _rounded(scene.marks.rails, digits),
         "body": _rounded(scene.marks.body, digits),
         "payload": scene.payload,
+        "magnify": magnify,
+        "turns": None if turns is None else _significant(turns),
+        "carriers": {
+            "links": list(map(list, scene.bending.carriers)),
+            "joints": list(map(list, _carriers_of_joints(scene))),
+            "rails": list(map(list, scene.marks.carriers[:rails])),
+            "arrows": [[i, 0.0] for i in scene.seats],
+        },
         "arrows": _rounded(scene.arrows, digits),
         "ghost": _rounded(scene.ghost, digits),
         "path": _rounded(scene.path, digits),
         "pathTimes": _rounded(scene.path_times, 6),
+        "straightPath": _rounded(scene.straight_path, digits),
         "reference": None if reference is None else _rounded(reference[0], digits),
         "goal": None if reference is None else _rounded(reference[1], digits),
         "solids": [[_rounded(side, digits) for side in solid] for solid in scene.solids],
