@@ -1,7 +1,7 @@
 """Forces that close the loops of a mechanism, and their effect on its accelerations.
 
-Theory page "mechanisms", (M.10) to (M.16). A row is one equation ``g = 0`` of a closure between two
-tip sections, or between one and the ground. Its wrenches on both sections are a row of the Jacobian
+Theory page "mechanisms", (M.10) to (M.16), (M.25). A row is one equation ``g = 0`` of a closure
+between two tip sections, or one and the ground. Its wrenches on both are a row of the Jacobian
 ``J``. They travel inwards through the bodies as biases do, and give ``J M^-1 J'`` as a sum over the
 bodies, without a sum over modes. The modes stay eliminated.
 
@@ -25,6 +25,7 @@ from typing import Any
 from flexarm.kernels.compilation.cache import apart, compiled, merged
 from flexarm.kernels.compilation.numbers import cos, real, sin
 from flexarm.kernels.forces.contact import place_bodies
+from flexarm.kernels.forces.surface import nearest
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.recursion.outward import spread
@@ -32,22 +33,29 @@ from flexarm.kernels.recursion.symmetric import read_symmetric
 
 # isort: off
 from flexarm.kernels.columns import (
-    BENT_N_XX, BIAS_KW, BIAS_KX, BIAS_KY, CARRIED_XX, CLOSURE_ANGLE, COSINE, DRIFT_W, DRIFT_X,
-    DRIFT_Y, EXTRA, FIRST_WRENCH_W, FIRST_WRENCH_X, FIRST_WRENCH_Y, FIRST_X, FIRST_Y, FLEX_BIAS,
-    GAIN_WK, GAIN_XK, GAIN_YK, GAP, GAP_RATE, GRAVITY_X, GRAVITY_Y, JOINT_BIAS_X, JOINT_BIAS_Y,
-    JOINT_DRIVE, JOINT_GIVEN, JOINT_INVERSE, JOINT_UW, JOINT_UX, JOINT_UY, MEAN_LAG, MULTIPLIER,
-    N_WW, N_YW, N_YY, PASSED_DRIVE, PASSED_W, PASSED_X, PASSED_Y, RELATIVE, ROOT_FROM_X,
-    ROOT_FROM_Y, SECOND_WRENCH_W, SECOND_WRENCH_X, SECOND_WRENCH_Y, SECOND_X, SECOND_Y, SINE,
-    SLIDES, SLIDE_X, SLIDE_Y, TIP_RATE, TIP_SLOPE, TRANSFER_WW, TRANSFER_WX, TRANSFER_WY,
-    TRANSFER_XW, TRANSFER_XX, TRANSFER_XY, TRANSFER_YW, TRANSFER_YX, TRANSFER_YY, WORLD_COSINE,
-    WORLD_SINE, WORLD_TIP_ANGLE, WORLD_TIP_X, WORLD_TIP_X_RATE, WORLD_TIP_Y, WORLD_TIP_Y_RATE,
+    BENT_N_XX, BIAS_KW, BIAS_KX, BIAS_KY, CARRIED_XX, CLOSURE_ANGLE, COSINE, CURVE_CURVATURE,
+    DRIFT_W, DRIFT_X, DRIFT_Y, EXTRA, FIRST_WRENCH_W, FIRST_WRENCH_X, FIRST_WRENCH_Y, FIRST_X,
+    FIRST_Y, FLEX_BIAS, GAIN_WK, GAIN_XK, GAIN_YK, GAP, GAP_RATE, GRAVITY_X, GRAVITY_Y,
+    JOINT_BIAS_X, JOINT_BIAS_Y, JOINT_DRIVE, JOINT_GIVEN, JOINT_INVERSE, JOINT_UW, JOINT_UX,
+    JOINT_UY, MEAN_LAG, MULTIPLIER, N_WW, N_YW, N_YY, PASSED_DRIVE, PASSED_W, PASSED_X, PASSED_Y,
+    RELATIVE, ROOT_FROM_X, ROOT_FROM_Y, SECOND_WRENCH_W, SECOND_WRENCH_X, SECOND_WRENCH_Y,
+    SECOND_X, SECOND_Y, SINE, SLIDES, SLIDE_X, SLIDE_Y, TIP_RATE, TIP_SLOPE, TRANSFER_WW,
+    TRANSFER_WX, TRANSFER_WY, TRANSFER_XW, TRANSFER_XX, TRANSFER_XY, TRANSFER_YW, TRANSFER_YX,
+    TRANSFER_YY, WORLD_COSINE, WORLD_SINE, WORLD_TIP_ANGLE,
+    WORLD_TIP_X, WORLD_TIP_X_RATE, WORLD_TIP_Y, WORLD_TIP_Y_RATE,
 )  # fmt: skip
 # isort: on
 
-#: Kinds of rows in ``Sizes.ends``: equal x or y of both points, equal angles, a point on a line.
-ROW_X, ROW_Y, ROW_ANGLE, ROW_LINE = range(4)
+#: Kinds of rows in ``Sizes.ends``: equal x or y of both points, equal angles, a point on a line or
+#: on a curve.
+ROW_X, ROW_Y, ROW_ANGLE, ROW_LINE, ROW_CURVE = range(5)
 #: Rows of each kind of closure.
-ROWS = {"pin": (ROW_X, ROW_Y), "weld": (ROW_X, ROW_Y, ROW_ANGLE), "line": (ROW_LINE,)}
+ROWS = {
+    "pin": (ROW_X, ROW_Y),
+    "weld": (ROW_X, ROW_Y, ROW_ANGLE),
+    "line": (ROW_LINE,),
+    "curve": (ROW_CURVE,),
+}
 
 
 @merged
@@ -70,6 +78,23 @@ def _point(i: int, x: Any, y: Any, work: Workspace) -> Any:
         vx = work.body[i, WORLD_TIP_X_RATE] - rate * oy
         vy = work.body[i, WORLD_TIP_Y_RATE] + rate * ox
     return place_x, place_y, vx, vy, ox, oy, angle, rate
+
+
+@apart
+def _curve(constants: ArmConstants, c: int, cosine: Any, sine: Any, dx: Any, dy: Any) -> Any:
+    """Return gap, normal and curvature of a curve through the first point of row c.
+
+    The axes of the curve are turned by an angle with ``cosine`` and ``sine``; d and n are in world
+    axes. At a gap, the curvature is that of the parallel curve through the point.
+    """
+    x, y = cosine * dx + sine * dy, cosine * dy - sine * dx
+    gap, nx, ny, bend = nearest(constants.closure, c, CURVE_CURVATURE, constants.knots, x, y)
+    return (
+        gap,
+        cosine * nx - sine * ny,
+        sine * nx + cosine * ny,
+        bend / (1.0 + bend * gap),
+    )
 
 
 @merged
@@ -103,11 +128,21 @@ def closure_rows(sizes: Sizes, constants: ArmConstants, work: Workspace) -> None
             nx = -sin(b_angle + constants.closure[c, CLOSURE_ANGLE])
             ny = cos(b_angle + constants.closure[c, CLOSURE_ANGLE])
             turn = wb
+        bend = 0.0 * wb
+        if kind == ROW_CURVE:
+            angle = b_angle + constants.closure[c, CLOSURE_ANGLE]
+            row[c, GAP], nx, ny, bend = _curve(constants, c, cos(angle), sin(angle), dx, dy)
+            turn = wb
         lever = nx * dy - ny * dx  # (z x n) . d
-        row[c, GAP] = nx * dx + ny * dy
+        along = nx * dx + ny * dy
+        if kind != ROW_CURVE:
+            row[c, GAP] = along
         row[c, GAP_RATE] = nx * ux + ny * uy + turn * lever
         extra = nx * (wb * wb * box - wa * wa * aox) + ny * (wb * wb * boy - wa * wa * aoy)
-        extra += 2.0 * turn * (nx * uy - ny * ux) - turn * turn * row[c, GAP]
+        extra += 2.0 * turn * (nx * uy - ny * ux) - turn * turn * along
+        if kind == ROW_CURVE:
+            slide = nx * uy - ny * ux - turn * along  # along the curve
+            extra += bend * slide * slide
         row[c, EXTRA] = extra
         row[c, FIRST_WRENCH_X] = nx
         row[c, FIRST_WRENCH_Y] = ny
@@ -115,7 +150,7 @@ def closure_rows(sizes: Sizes, constants: ArmConstants, work: Workspace) -> None
         row[c, SECOND_WRENCH_X] = -nx
         row[c, SECOND_WRENCH_Y] = -ny
         row[c, SECOND_WRENCH_W] = boy * nx - box * ny
-        if kind == ROW_LINE:
+        if kind >= ROW_LINE:
             row[c, SECOND_WRENCH_W] += lever
 
 
