@@ -23,6 +23,9 @@ from flexarm.model import (
     Payload,
     RayleighDamping,
     Rectangle,
+    RoundWall,
+    SurfaceTable,
+    Wall,
 )
 from oracles.mechanisms import MechanismOracle
 from random_arms import decide
@@ -54,12 +57,12 @@ class Scale:
 
 
 def random_mechanism(
-    seed: int, *, closures: bool = False, theory: str | None = None
+    seed: int, *, closures: bool = False, curved: bool = False, theory: str | None = None
 ) -> dict[str, Any]:
     """Draw a tree of 2 to 6 links, as keyword arguments of ``fa.Arm``.
 
-    closures: one or two, which straight links close at the zero of all coordinates. theory: by
-    default any.
+    closures: one or two, which straight links close at the zero of all coordinates; ``curved``: all
+    of them along curves. theory: by default any.
     """
     rng = np.random.default_rng(seed)
     count = int(rng.integers(2, 7))
@@ -92,7 +95,8 @@ def random_mechanism(
     if all(joint.fixed for joint in fields["joints"]) and base is None:
         fields["joints"][0] = Joint()
     if closures:
-        fields["closures"] = _closures(rng, fields, scale)
+        kinds = ["curve"] if curved else ["pin", "weld", "line"]
+        fields["closures"] = _closures(rng, fields, scale, kinds)
     return fields
 
 
@@ -259,12 +263,14 @@ def _base(rng: np.random.Generator, scale: Scale, links: int) -> Base | None:
     return Base(free=tuple(names), **fields)
 
 
-def _closures(rng: np.random.Generator, fields: dict[str, Any], scale: Scale) -> list[Closure]:
+def _closures(
+    rng: np.random.Generator, fields: dict[str, Any], scale: Scale, kinds: list[str]
+) -> list[Closure]:
     """Draw closures that hold at zero coordinates and are independent there."""
     opened = MechanismOracle(ArmSpec(**fields), precision=np.float64)
     count = int(rng.integers(1, 3))
     for _ in range(100):
-        drawn = [_closure(rng, opened) for _ in range(count)]
+        drawn = [_closure(rng, opened, kinds) for _ in range(count)]
         spec = opened.spec.replace(closures=drawn)
         if _independent(MechanismOracle(spec, precision=np.float64), scale):
             return drawn
@@ -272,16 +278,18 @@ def _closures(rng: np.random.Generator, fields: dict[str, Any], scale: Scale) ->
     raise ValueError("no independent closures found")
 
 
-def _closure(rng: np.random.Generator, oracle: MechanismOracle) -> Closure:
+def _closure(rng: np.random.Generator, oracle: MechanismOracle, kinds: list[str]) -> Closure:
     """Draw a closure that holds at zero coordinates."""
     links = oracle.spec.links
     first = int(rng.integers(1, len(links) + 1))
     others = [None, *(i for i in range(len(links) + 1) if i != first)]
     second = others[int(rng.integers(len(others)))]
-    kind = str(rng.choice(["pin", "weld", "line"]))
+    kind = str(rng.choice(kinds))
     options: dict[str, Any] = {"kind": kind, "link": first, "to_link": second}
-    if kind == "line":
+    if kind in ("line", "curve"):
         options["angle"] = float(rng.uniform(-3, 3))
+    if kind == "curve":
+        options["shape"] = _curve(rng, links[first - 1].length)
     for name, number in (("station", first), ("to_station", second)):
         if number and decide(rng, None, 0.3):
             share = 0.0 if decide(rng, None) else float(rng.uniform(0.2, 0.8))
@@ -289,6 +297,24 @@ def _closure(rng: np.random.Generator, oracle: MechanismOracle) -> Closure:
     options["offset"] = tuple((rng.uniform(-0.1, 0.1, 2) * links[first - 1].length).tolist())
     closure = Closure(**options)
     return closure.replace(**closing(oracle, closure))
+
+
+def _curve(rng: np.random.Generator, size: float) -> Wall | RoundWall | SurfaceTable:
+    """Draw a curve through the origin with radii of curvature of about a length (m)."""
+    side = float(rng.uniform(-np.pi, np.pi))
+    normal, radius = np.array([np.cos(side), np.sin(side)]), size * float(rng.uniform(0.5, 2.0))
+    which = int(rng.integers(5))
+    if which == 0:
+        return Wall(point=(0.0, 0.0), normal=normal.tolist())
+    if which <= 2:
+        center = tuple((radius * normal).tolist())
+        return RoundWall(center=center, radius=radius, inside=which == 2)
+    if which == 3:
+        angle = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
+        x, y = radius * np.array([np.cos(angle) - 1.0, 0.7 * np.sin(angle)])
+        return SurfaceTable(x=x.tolist(), y=y.tolist(), closed=True)
+    x = radius * np.linspace(-1.5, 1.5, 7)
+    return SurfaceTable(x=x.tolist(), y=(0.3 * radius * np.sin(x / radius)).tolist())
 
 
 def closing(
@@ -310,7 +336,7 @@ def closing(
 def _independent(oracle: MechanismOracle, scale: Scale) -> bool:
     """Return whether closures are independent at zero coordinates."""
     nothing = np.zeros(oracle.dof)
-    units = {"pin": [1.0, 1.0], "weld": [1.0, 1.0, scale.length], "line": [1.0]}
+    units = {"pin": [1.0, 1.0], "weld": [1.0, 1.0, scale.length], "line": [1.0], "curve": [1.0]}
     lengths = np.concatenate([units[closure.kind] for closure in oracle.spec.closures])
     rows = lengths[:, None] * oracle.gap_jacobian(nothing)
     values = np.linalg.eigvalsh(rows @ np.linalg.solve(oracle.mass_matrix(nothing), rows.T))

@@ -8,7 +8,7 @@ closure forces:
     M q'' = force - bias + J^T lambda,      J q'' + gamma = 0
 
 The force on the first point is lambda and that on the second point -lambda, in world axes for a
-pin, along the normal of the line for a line; the third entry of a weld is a moment. Momentum is the
+pin, along the normal of a line or curve; the third entry of a weld is a moment. Momentum is the
 derivative of the kinetic energy by the rate of a rigid motion of the whole mechanism.
 """
 
@@ -22,6 +22,7 @@ import numpy as np
 import flexarm as fa
 from flexarm.model import Closure
 
+from .curves import distance
 from .jets import Jet, Rate, cos, sin
 from .lagrangian import Energies, LagrangianOracle, Pose, constrained, place
 from .load_points import load_points
@@ -140,6 +141,10 @@ class MechanismOracle(LagrangianOracle):
             turned = second[1] + closure.angle
             if closure.kind == "line":
                 gaps += [cos(turned) * dy - sin(turned) * dx]
+                continue
+            if closure.kind == "curve":
+                c, s = cos(turned), sin(turned)
+                gaps += [distance(closure.shape, c * dx + s * dy, c * dy - s * dx)]
                 continue
             gaps += [dx, dy]
             if closure.kind == "weld":

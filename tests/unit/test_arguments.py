@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.arm.actions import arc_of
+from flexarm.arm.assembly.surfaces import arc_of
 
 LINK = fa.Link(
     length=1.0,

@@ -208,7 +208,7 @@ class Dynamics(Coordinates):
 
     @property
     def closure_rows(self) -> int:
-        """Number of equations that close loops: 2 for a pin, 3 for a weld, 1 for a line."""
+        """Number of equations that close loops: 2 for a pin, 3 for a weld, 1 for the others."""
         return len(self.assembly.constants.closure)
 
     @property
@@ -222,7 +222,7 @@ class Dynamics(Coordinates):
         """Return how far the loops are from closed, (closure_rows,): 0 in a closed posture.
 
         In the order of ``closures``: of a pin x and y of the first point from the second (m, world
-        axes), of a weld also the angle (rad), of a line the distance from it (m).
+        axes), of a weld also the angle (rad), of a line or curve the distance from it (m).
         """
         kernels = KernelView(self.assembly.constants)
         kernels.call(closure_gaps, self._state(q, None), kernels.work)

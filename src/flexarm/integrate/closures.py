@@ -17,9 +17,10 @@ from flexarm.kernels.layout import ArmConstants, Array, Loads, Sizes, Workspace
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
 from flexarm.kernels.recursion.closures import ROW_ANGLE, closure_gaps, closure_response, solve_rows
 
-#: Rounds of a projection. The matrix of the first is kept, so that gaps decrease in each by the
-#: ratio of the gap to the size of the mechanism; the rounds end when they no longer decrease.
-_ROUNDS = 8
+#: Most rounds of a projection. All have one matrix, so that each multiplies gaps by the distance of
+#: its posture (rad). Rounds end when gaps no longer decrease, or after a decrease by so much that
+#: only rounding errors are left.
+_ROUNDS, _DONE = 12, 1e-6
 #: Least pivot over the largest diagonal entry: 1e-10 is reached about 1e-5 rad before a singular
 #: posture.
 _DEPENDENT = 1e-10
@@ -56,16 +57,23 @@ def close_state(
     ``torque`` (n,) and ``loads`` do not matter. ``constants`` may be those of an implicit step.
     """
     forward_dynamics(sizes, constants, state, torque, loads, work)
-    gap = _largest(sizes, work, GAP)
-    for _ in range(_ROUNDS):
-        _move(sizes, constants, state, 0, GAP, work)
-        closure_gaps(sizes, constants, state, work)
-        before = gap
-        gap = _largest(sizes, work, GAP)
-        if not gap < 0.5 * before:
-            break
-    forward_dynamics(sizes, constants, state, torque, loads, work)
-    _move(sizes, constants, state, 1, GAP_RATE, work)
+    _close(sizes, constants, state, work)
+
+
+@merged
+def _close(sizes: Sizes, constants: ArmConstants, state: Array, work: Workspace) -> None:
+    """Move a state onto the closures with the operator of the last evaluation, close to it."""
+    closure_gaps(sizes, constants, state, work)
+    for level in range(2):
+        column = GAP if level == 0 else GAP_RATE
+        gap = _largest(sizes, work, column)
+        for _ in range(_ROUNDS):
+            _move(sizes, constants, state, level, column, work)
+            closure_gaps(sizes, constants, state, work)
+            before = gap
+            gap = _largest(sizes, work, column)
+            if not gap < 0.5 * before or gap < _DONE * before:
+                break
 
 
 @merged
@@ -101,6 +109,9 @@ def closures_depend(system: System) -> bool:
 
 @apart
 def close_step(system: System, constants: ArmConstants, memory: Memory) -> None:
-    """Move the end ``memory.new`` of an accepted step onto the closures."""
-    close_state(system.sizes, constants, memory.new, memory.torque, system.drive.loads, system.work)
-    memory.counts[EVALUATIONS] += 2
+    """Move the end ``memory.new`` of an accepted step onto the closures.
+
+    The last stage of the step was at or near its end, and has left its operator.
+    """
+    _close(system.sizes, constants, memory.new, system.work)
+    memory.counts[EVALUATIONS] += 2  # which take as long

@@ -21,7 +21,6 @@ from flexarm.kernels.forces.contact import (
     BY_SIGN,
     CLOSING,
     CORNER,
-    COUNT,
     DAMPING,
     EXPONENT,
     FRICTION,
@@ -33,8 +32,10 @@ from flexarm.kernels.forces.contact import (
     PUSHING,
     ROUNDED,
     STIFFNESS,
+    SURFACE,
     VELOCITY,
 )
+from flexarm.kernels.forces.surface import COUNT
 from flexarm.kernels.layout import Array, Contacts
 
 #: A step that exceeds the allowed length by less than this ratio is accepted, because it may have
@@ -147,7 +148,7 @@ def fix_branches(contacts: Contacts, clock: Array, counts: Array) -> bool:
 @merged
 def _is_smooth(contacts: Contacts, k: int, h: float, path: float) -> bool:
     """Return whether a cubic through the ends of a step describes the gap."""
-    if contacts.law[k, COUNT] > 0.0 or path * _bulge(contacts, k) > _FLAT:
+    if contacts.law[k, SURFACE + COUNT] > 0.0 or path * _bulge(contacts, k) > _FLAT:
         return False
     seen = contacts.seen
     missed = 0.0

@@ -213,13 +213,20 @@ WORK_MODE_COLUMNS = 4
 ) = range(WORK_MODE_COLUMNS)
 
 # ``ArmConstants.closure`` (r, CLOSURE_COLUMNS): constants of each row of closures.
-CLOSURE_COLUMNS = 5
+CLOSURE_COLUMNS = 12
 (
     FIRST_X,  # m, of the first point from the axis of its section, axes of the section
     FIRST_Y,
     SECOND_X,  # m, of the second point; on the ground, world axes
     SECOND_Y,
-    CLOSURE_ANGLE,  # rad, between the sections, or of the line from the second section
+    CLOSURE_ANGLE,  # rad, between the sections, or of the line or curve from the second section
+    CURVE_CURVATURE,  # of a curve from here on, in the order of ``forces.surface``: 1/m
+    CURVE_X,  # m, of a point on it, in its axes
+    CURVE_Y,
+    CURVE_NORMAL_X,
+    CURVE_NORMAL_Y,
+    CURVE_FIRST,  # first row of its table in ``ArmConstants.knots``
+    CURVE_COUNT,  # number of these rows, 0 without a table
 ) = range(CLOSURE_COLUMNS)
 
 # ``Workspace.closure`` (r, CLOSURE_WORK_COLUMNS): results for each row.

@@ -93,6 +93,7 @@ class _ArmArrays(NamedTuple):
     shortening: Array  # (n, g, g, SHORTENING_COLUMNS)
     closure: Array  # (r, CLOSURE_COLUMNS)
     ends: Array  # (r, 3) as ``Sizes.ends``
+    knots: Array  # (pieces, 9) tabulated curves of closures, as ``Contacts.knots``
 
 
 class ArmConstants(_ArmArrays):
@@ -162,7 +163,7 @@ class ArmConstants(_ArmArrays):
         return bool(self.arm[columns.HAS_BRISTLES] != 0.0)
 
 
-def empty_constants(n: int, m: int, c: int, g: int, r: int = 0) -> ArmConstants:
+def empty_constants(n: int, m: int, c: int, g: int, r: int = 0, pieces: int = 0) -> ArmConstants:
     """Allocate the constants of a serial arm, otherwise filled with zeros."""
     constants = ArmConstants(
         arm=np.zeros(columns.ARM_COLUMNS),
@@ -172,6 +173,7 @@ def empty_constants(n: int, m: int, c: int, g: int, r: int = 0) -> ArmConstants:
         shortening=np.zeros((n, g, g, columns.SHORTENING_COLUMNS)),
         closure=np.zeros((r, columns.CLOSURE_COLUMNS)),
         ends=np.zeros((r, 3)),
+        knots=np.zeros((pieces, 9)),
     )
     constants.parent[:] = np.arange(n) - 1
     return constants

@@ -30,10 +30,6 @@ from flexarm.model.environment import Change as Change
 from flexarm.model.environment import Contact as Contact
 from flexarm.model.environment import FactorTable as FactorTable
 from flexarm.model.environment import Load as Load
-from flexarm.model.environment import RoundWall as RoundWall
-from flexarm.model.environment import Surface as Surface
-from flexarm.model.environment import SurfaceTable as SurfaceTable
-from flexarm.model.environment import Wall as Wall
 from flexarm.model.file_format.files import arm_spec_of_text as arm_spec_of_text
 from flexarm.model.file_format.files import file_text as file_text
 from flexarm.model.file_format.files import json_schema as json_schema
@@ -64,3 +60,7 @@ from flexarm.model.scenarios.scenario import TabulatedJoint as TabulatedJoint
 from flexarm.model.scenarios.scenario import TipEvent as TipEvent
 from flexarm.model.scenarios.study import PlantSpec as PlantSpec
 from flexarm.model.scenarios.study import StudySpec as StudySpec
+from flexarm.model.surfaces import RoundWall as RoundWall
+from flexarm.model.surfaces import Surface as Surface
+from flexarm.model.surfaces import SurfaceTable as SurfaceTable
+from flexarm.model.surfaces import Wall as Wall

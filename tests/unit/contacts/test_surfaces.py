@@ -7,7 +7,8 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 import flexarm as fa
-from flexarm.arm.actions import pieces_of, place_contacts
+from flexarm.arm.actions import place_contacts
+from flexarm.arm.assembly.surfaces import pieces_of
 from flexarm.arm.observe import contact_forces, contact_values
 from flexarm.kernels.forces.contact import BEND, FORCE, GAP, POSITION
 

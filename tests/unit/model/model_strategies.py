@@ -28,6 +28,7 @@ from flexarm.model import (
     RayleighDamping,
     Rectangle,
     RigidInverseDynamicsDrive,
+    RoundWall,
     RunSpec,
     Scenario,
     SectionTable,
@@ -189,7 +190,9 @@ def mechanism_specs(draw):
     free = draw(st.lists(st.sampled_from(["x", "y", "angle"]), unique=True))
     springs = [draw(not_negative) if name in free else 0.0 for name in ("x", "y", "angle")]
     base = Base(mass=draw(positive), inertia=draw(positive), free=free, stiffness=springs)
-    kinds = st.sampled_from([{"kind": "pin"}, {"kind": "weld", "angle": 0.1}, {"kind": "line"}])
+    curve = {"kind": "curve", "shape": RoundWall((0.1, 0.0), 0.5)}
+    weld = {"kind": "weld", "angle": 0.1}
+    kinds = st.sampled_from([{"kind": "pin"}, weld, {"kind": "line"}, curve])
     numbered = draw(st.lists(st.integers(1, len(links)), unique=True))
     closures = [Closure(link=link, to_offset=draw(pairs), **draw(kinds)) for link in numbered]
     return arm.replace(links=links, joints=joints, base=base, closures=closures)

@@ -384,6 +384,15 @@ def test_joints_with_inertia_are_accepted(fields):
         ),
         ([{"link": 1, "angle": 0.1}], "closures[0].angle is not supported for a pin."),
         ([{"kind": "rope", "link": 1}], "closures[0].kind must be one of 'pin', 'weld', 'line'"),
+        ([{"kind": "curve", "link": 1}], "closures[0].shape is required for the kind curve."),
+        (
+            [{"link": 1, "shape": {"kind": "round", "center": (0.0, 0.0), "radius": 1.0}}],
+            "closures[0].shape requires the kind curve.",
+        ),
+        (
+            [{"kind": "curve", "link": 1, "shape": {"kind": "round", "center": (0.0, 0.0)}}],
+            "closures[0].shape.radius is missing.",
+        ),
     ],
 )
 def test_wrong_closures_are_refused(closures, problem):

@@ -59,3 +59,30 @@ def test_a_rail_has_the_length_of_the_travel():
     drawn = marks(arm, arm.rest([0.3]), arm.rest([-0.1]))
     expected = [[0.5, -0.1], [0.5, 0.3]]
     np.testing.assert_allclose(drawn.rails[:, 0], [expected, expected], atol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [
+        fa.RoundWall((0.1, 0.2), 0.5),
+        fa.SurfaceTable([0.1, -0.4, 0.1, 0.6], [0.7, 0.2, -0.3, 0.2], closed=True),
+    ],
+)
+def test_a_curve_is_drawn_where_its_points_are(curve):
+    links = [fa.Link(length=1.0, **BEAM)] * 2
+    moving = {"to_link": 1, "to_station": 0.0, "angle": 0.3}
+    closures = [
+        fa.Closure(kind="curve", link=2, shape=curve),
+        fa.Closure(kind="curve", link=2, shape=curve, **moving),
+    ]
+    drawn = []
+    for closure in closures:
+        arm = fa.Arm(links=links, closures=[closure])
+        drawn.append(marks(arm, arm.rest([0.4, 1.0])).rails[0, -1])
+    middle = np.array([0.1, 0.2])
+    # The spline through four points of the circle is off by some percent.
+    np.testing.assert_allclose(np.linalg.norm(drawn[0] - middle, axis=1), 0.5, atol=0.05)
+    angle = 0.4 + 0.3  # of the first link, and of the axes of the curve from it
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    back = drawn[1] @ turn - middle
+    np.testing.assert_allclose(np.linalg.norm(back, axis=1), 0.5, atol=0.05)

@@ -5,8 +5,9 @@ import pytest
 from flexarm.base.errors import InputError
 from flexarm.model.arm.links import SectionTable
 from flexarm.model.drives import TorqueDrive
-from flexarm.model.environment import AccelerationTable, SurfaceTable
+from flexarm.model.environment import AccelerationTable
 from flexarm.model.scenarios.motions import ViaPointMotionSpec
+from flexarm.model.surfaces import SurfaceTable
 from flexarm.view.studio.state import table_content, table_text
 
 TABLES = [

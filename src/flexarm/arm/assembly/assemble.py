@@ -14,14 +14,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.arm.assembly.surfaces import surface_rows
 from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
 from flexarm.arm.beams.assembly import interpolation_error
 from flexarm.arm.beams.invariants import inverse_inertia
 from flexarm.base.errors import InputError
-from flexarm.kernels.columns import HAS_BRISTLES, HAS_JOINT_LAWS, IS_FREE, IS_TREE
+from flexarm.kernels.columns import (
+    CURVE_CURVATURE,
+    HAS_BRISTLES,
+    HAS_JOINT_LAWS,
+    IS_FREE,
+    IS_TREE,
+)
 from flexarm.kernels.layout import ArmConstants, empty_constants
 from flexarm.kernels.recursion.closures import ROWS
-from flexarm.model import ArmSpec, Base, Joint, Link, RayleighDamping
+from flexarm.model import ArmSpec, Base, Joint, Link, RayleighDamping, Surface
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -269,7 +276,9 @@ def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
     g = m if second_order else 0
     c = m if bristles or any(np.any(piece.shapes.rotary) for piece in pieces) else 0
     rows = sum(len(ROWS[closure.kind]) for closure in spec.closures)
-    constants = empty_constants(n, m, c, g, rows)
+    knots = surface_rows(_curves(spec))[1]
+    constants = empty_constants(n, m, c, g, rows, len(knots))
+    constants.knots[:] = knots
     constants.arm[HAS_JOINT_LAWS] = float(
         any(joint.friction or joint.limits or joint.rotor_inertia for joint in spec.joints)
     )
@@ -279,6 +288,11 @@ def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
     if bristles:  # the integral of their deflection is no displacement and has no inertia
         constants.centrifugal[:, -1, -1] = -1.0
     return constants
+
+
+def _curves(spec: ArmSpec) -> list[Surface]:
+    """Return the curves of closures."""
+    return [closure.shape for closure in spec.closures if closure.shape]
 
 
 def place_joints_and_payload(
@@ -380,13 +394,19 @@ def _place_tree(
         constants.parent[first] = carrier
         constants.joint_angle[first] = joint.mounting_angle
         _place_joint(constants, slice(first, last + 1), first, joint, np.array(joint.offset))
-    row = 0
+    row, shapes = 0, iter(surface_rows(_curves(spec))[0])
     for closure in spec.closures:
         first = sections.at(closure.link, closure.station)
         second = sections.at(closure.to_link, closure.to_station)
         for kind in ROWS[closure.kind]:
             constants.ends[row] = kind, first, second
-            constants.closure[row] = *closure.offset, *closure.to_offset, closure.angle
+            constants.closure[row, :CURVE_CURVATURE] = (
+                *closure.offset,
+                *closure.to_offset,
+                closure.angle,
+            )
+            if closure.shape:
+                constants.closure[row, CURVE_CURVATURE:] = next(shapes)
             row += 1
     # A free arm is one whose momentum only loads and contacts change.
     external = (*spec.base.stiffness, *spec.base.damping, *spec.gravity)

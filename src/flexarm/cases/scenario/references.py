@@ -22,8 +22,8 @@ from flexarm.linear.bent_references import (
 )
 from flexarm.model import Scenario, drives
 from flexarm.model.arm.spec import UNDRIVEN
-from flexarm.model.environment import RoundWall, Surface, Wall
 from flexarm.model.scenarios.motions import ForceTable, PlainMotionSpec, PressedMotionSpec
+from flexarm.model.surfaces import RoundWall, Surface, Wall
 from flexarm.motion import (
     Motion,
     TimingLaw,

@@ -1,9 +1,7 @@
 """Contact of points of the arm with fixed surfaces: theory page "contact".
 
 Where a point penetrates a surface, the surface pushes along its normal by the law of Hunt and
-Crossley, and friction acts across the normal. One formula covers walls and circles, (T.2): a circle
-of curvature kappa, which is zero for a wall and negative if the point is inside the circle. A
-tabulated surface is a cubic spline whose nearest point is found by Newton's method, (T.4).
+Crossley, and friction acts across the normal.
 
 =============  =================================================================================
 symbol         meaning
@@ -12,20 +10,14 @@ symbol         meaning
 ``n``          unit normal of the surface, pointing away from the solid
 ``bend``       curvature of the surface, 1/m, positive if it is convex towards the point
 ``depth``      max(-gap, 0), with a rounded corner
-``s``          arc length along a tabulated surface, m
 =============  =================================================================================
 
-Only three branches depend on the state, and all use real parts alone: the selection of the nearest
-piece of a table, the steps of Newton's iteration, and ``BY_SIGN``. The spline is twice continuously
-differentiable, so force and derivatives are continuous across the knots, and the point found does
-not depend on the path of the iteration.
+Only ``BY_SIGN`` and the nearest point of a table branch on the state, by real parts alone.
 """
 
 from __future__ import annotations
 
 from typing import Any
-
-import numpy as np
 
 from flexarm.kernels.columns import (
     COSINE,
@@ -56,18 +48,18 @@ from flexarm.kernels.columns import (
     P,
 )
 from flexarm.kernels.compilation.cache import apart, compiled, merged
-from flexarm.kernels.compilation.numbers import exp, log, positive_part, real, sqrt, tanh
+from flexarm.kernels.compilation.numbers import exp, log, positive_part, real, tanh
 from flexarm.kernels.forces.push import push_at
+from flexarm.kernels.forces.surface import nearest
 from flexarm.kernels.kinematics import link_terms
 from flexarm.kernels.layout import ArmConstants, Array, Contacts, Sizes, Workspace
 
-#: Columns of a row of ``Contacts.law``. WEIGHT 0 removes the force. CURVATURE, POINT and NORMAL
-#: describe a wall or a circle; FIRST is the first row of a table in ``knots`` and COUNT its number
-#: of rows, 0 without a table. MOBILITY of the arm at the point, 1/kg: integrators estimate the
-#: duration of a contact from it. CORNER: rounding radius of the depth, m.
+#: Columns of a row of ``Contacts.law``. WEIGHT 0 removes the force. The columns of
+#: ``forces.surface`` begin at SURFACE. MOBILITY of the arm at the point, 1/kg: integrators estimate
+#: the duration of a contact from it. CORNER: rounding radius of the depth, m.
 WEIGHT, LEVER = 0, 1
 STIFFNESS, EXPONENT, DAMPING, FRICTION, FRICTION_SPEED = 2, 3, 4, 5, 6
-CURVATURE, POINT, NORMAL, FIRST, COUNT, MOBILITY, CORNER = 7, 8, 10, 12, 13, 14, 15
+SURFACE, MOBILITY, CORNER = 7, 14, 15
 
 #: Columns of the result of ``look_many``: world position and velocity of the point, force on it,
 #: gap, curvature of the surface, energy stored in the contact.
@@ -83,98 +75,7 @@ ROUNDED, BY_SIGN, PUSHING, OPEN = 0.0, 1.0, 2.0, 3.0
 CORNER_SHARE = 1e-9
 #: Rounding radius of the relative increase of the force by damping.
 PUSH = 1e-6
-#: Number of Newton iterations. Near the surface three reach rounding errors, because the pieces
-#: are short and the initial value is close.
-_ITERATIONS = 8
 _TINY = 1e-300
-
-
-@merged
-def _arc(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
-    """Return gap, normal and curvature of a wall or a circle at a world point, (T.2)."""
-    law = contacts.law
-    bend = law[k, CURVATURE]
-    dx = x - law[k, POINT]
-    dy = y - law[k, POINT + 1]
-    height = law[k, NORMAL] * dx + law[k, NORMAL + 1] * dy
-    rise = 2.0 * height + bend * (dx * dx + dy * dy)
-    root = sqrt(1.0 + bend * rise)
-    gap = rise / (1.0 + root)
-    nx = (law[k, NORMAL] + bend * dx) / root
-    ny = (law[k, NORMAL + 1] + bend * dy) / root
-    return gap, nx, ny, bend + 0.0 * gap
-
-
-@merged
-def _nearest_chord(knots: Array, first: int, last: int, x: Any, y: Any) -> tuple[int, float]:
-    """Return the piece between knots whose chord is nearest to a point, and the arc length."""
-    near = first + 1
-    place = knots[near, 0]
-    least = np.inf
-    for j in range(first + 1, last):
-        cx = knots[j + 1, 1] - knots[j, 1]
-        cy = knots[j + 1, 5] - knots[j, 5]
-        dx = real(x) - knots[j, 1]
-        dy = real(y) - knots[j, 5]
-        along = min(max((cx * dx + cy * dy) / (cx * cx + cy * cy), 0.0), 1.0)
-        away = (dx - along * cx) ** 2 + (dy - along * cy) ** 2
-        if away < least:
-            least = away
-            near = j
-            place = knots[j, 0] + along * (knots[j + 1, 0] - knots[j, 0])
-    return near, place
-
-
-@merged
-def _table(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
-    """Return gap, normal and curvature at the nearest point of a table, (T.3), (T.4)."""
-    knots = contacts.knots
-    first = int(real(contacts.law[k, FIRST]))
-    last = first + int(real(contacts.law[k, COUNT])) - 1
-    near, place = _nearest_chord(knots, first, last, x, y)
-    s = place + 0.0 * x
-    # Limit the search to the neighbouring pieces: a longer step could pass around a sharp end.
-    lowest = knots[near - 1, 0]
-    highest = knots[min(near + 2, last), 0]
-    if knots[first, 0] == knots[first + 1, 0]:  # an open curve continues straight beyond its ends
-        lowest = lowest if near - 1 > first else -np.inf
-        highest = highest if near + 2 < last else np.inf
-    elif near + 1 == last:
-        highest = knots[last, 0] + knots[first + 2, 0] - knots[first + 1, 0]
-    for _ in range(_ITERATIONS):
-        while near < last and real(s) >= knots[near + 1, 0]:
-            near += 1
-        while near > first and real(s) < knots[near, 0]:
-            near -= 1
-        u = s - knots[near, 0]
-        dx = knots[near, 1] + u * (knots[near, 2] + u * (knots[near, 3] + u * knots[near, 4])) - x
-        dy = knots[near, 5] + u * (knots[near, 6] + u * (knots[near, 7] + u * knots[near, 8])) - y
-        tx = knots[near, 2] + u * (2.0 * knots[near, 3] + u * 3.0 * knots[near, 4])
-        ty = knots[near, 6] + u * (2.0 * knots[near, 7] + u * 3.0 * knots[near, 8])
-        square = tx * tx + ty * ty
-        slope = square + dx * (2.0 * knots[near, 3] + u * 6.0 * knots[near, 4])
-        slope += dy * (2.0 * knots[near, 7] + u * 6.0 * knots[near, 8])
-        # Beyond half a radius of curvature Newton's method may diverge, so shorten its steps.
-        if real(slope) < 0.5 * real(square):
-            slope = 0.5 * square
-        s = s - (dx * tx + dy * ty) / slope
-        if real(s) < lowest or real(s) > highest:
-            s = min(max(real(s), lowest), highest) + 0.0 * x
-    while near < last and real(s) >= knots[near + 1, 0]:
-        near += 1
-    while near > first and real(s) < knots[near, 0]:
-        near -= 1
-    u = s - knots[near, 0]
-    dx = x - knots[near, 1] - u * (knots[near, 2] + u * (knots[near, 3] + u * knots[near, 4]))
-    dy = y - knots[near, 5] - u * (knots[near, 6] + u * (knots[near, 7] + u * knots[near, 8]))
-    tx = knots[near, 2] + u * (2.0 * knots[near, 3] + u * 3.0 * knots[near, 4])
-    ty = knots[near, 6] + u * (2.0 * knots[near, 7] + u * 3.0 * knots[near, 8])
-    turn = tx * (2.0 * knots[near, 7] + u * 6.0 * knots[near, 8])
-    turn -= ty * (2.0 * knots[near, 3] + u * 6.0 * knots[near, 4])
-    length = sqrt(tx * tx + ty * ty)
-    nx = -ty / length
-    ny = tx / length
-    return nx * dx + ny * dy, nx, ny, -turn / (length * length * length)
 
 
 @merged
@@ -301,14 +202,6 @@ def motion_of_point(
 
 
 @merged
-def _near(contacts: Contacts, k: int, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
-    """Return gap, normal and curvature of the surface of contact k at a world point."""
-    if contacts.law[k, COUNT] > 0.0:
-        return _table(contacts, k, x, y)
-    return _arc(contacts, k, x, y)
-
-
-@merged
 def _force(
     contacts: Contacts, k: int, branch: float, gap: Any, closing: Any, nx: Any, ny: Any, vx: Any,
     vy: Any,
@@ -335,7 +228,7 @@ def force_on_point(contacts: Contacts, k: int, x: Any, y: Any, vx: Any, vy: Any)
 
     The real parts of all but the energy are written to ``seen``.
     """
-    gap, nx, ny, bend = _near(contacts, k, x, y)
+    gap, nx, ny, bend = nearest(contacts.law, k, SURFACE, contacts.knots, x, y)
     closing = -(nx * vx + ny * vy)
     branch = contacts.seen[1, k, BRANCH]
     fx, fy = _force(contacts, k, branch, gap, closing, nx, ny, vx, vy)
@@ -394,7 +287,7 @@ def look_many(
         place_bodies(sizes, constants, state, work)
         for k in range(contacts.body.shape[0]):
             x, y, vx, vy = motion_of_point(sizes, contacts, k, state, work)
-            gap, nx, ny, bend = _near(contacts, k, x, y)
+            gap, nx, ny, bend = nearest(contacts.law, k, SURFACE, contacts.knots, x, y)
             closing = -(nx * vx + ny * vy)
             fx, fy = _force(contacts, k, ROUNDED, gap, closing, nx, ny, vx, vy)
             above = contacts.law[k, EXPONENT] + 1.0

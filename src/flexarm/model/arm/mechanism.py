@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator
 
@@ -23,6 +23,7 @@ from flexarm.model.quantities import (
     Pair,
     plain,
 )
+from flexarm.model.surfaces import Surface
 from flexarm.model.wording import Fault
 
 
@@ -84,10 +85,12 @@ class Base(Record):
 
 
 class Closure(Record):
-    """A connection that closes a loop: two points are pinned, welded, or slide along a line."""
+    """A connection that closes a loop: two points are pinned or welded, or one slides along a line
+    or a curve."""
 
-    kind: Literal["pin", "weld", "line"] = "pin"
-    """Equal positions (pin), also equal angles (weld), or a point on a line (line)."""
+    kind: Literal["pin", "weld", "line", "curve"] = "pin"
+    """Equal positions (pin), also equal angles (weld), or the first point on a line through the
+    second one (line), or on a curve (curve)."""
     link: Count
     """Number of the link of the first point."""
     station: NonNegative | None = None
@@ -103,12 +106,24 @@ class Closure(Record):
     of the ground in world axes (m)."""
     angle: Number = 0.0
     """Weld: angle of the first section from the second. Line: direction of the line from the second
-    section (rad)."""
+    section. Curve: rotation of its axes from the second section (rad)."""
+    shape: Surface | None = None
+    """Curve: its shape. The second point is the origin of its coordinates, which are those of the
+    world by default. The force of the closure acts along the normal, out of the solid."""
+
+    _hints: ClassVar[dict[str, str]] = {
+        "shape": "A curve is a Wall, a RoundWall or a SurfaceTable.",
+    }
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
         if given.has("kind", "angle") and given.kind == "pin" and given.angle:
             yield Fault(("angle",), "is not supported for a pin")
+        curved = given.has("kind") and given.kind == "curve"
+        if curved and given.absent("shape"):
+            yield Fault(("shape",), "is required for the kind curve")
+        elif given.has("kind", "shape") and not curved:
+            yield Fault(("shape",), "requires the kind curve")
         if given.has("to_station") and not given.raw("to_link"):
             yield Fault(("to_station",), "requires the number of a link as to_link")
         if given.has("link", "to_link") and given.link == given.to_link:
@@ -209,7 +224,7 @@ def closure_faults(
         ))  # fmt: skip
         for j, other in enumerate(closures[:k]):
             if set(ends[j]) == set(ends[k]) and not _crossing(closure, other):
-                hint = "Keep one of them: a weld contains a pin, and both contain a line."
+                hint = "Keep one of them: a weld contains a pin, and both contain a line or curve."
                 yield Fault(("closures", k), f"has the points of closures[{j}]", hint=hint)
                 break
 
@@ -234,11 +249,11 @@ def _point(
 
 
 def _crossing(closure: Closure, other: Closure) -> bool:
-    """Return whether two closures are lines in different directions, or with different carriers."""
-    if {closure.kind, other.kind} != {"line"}:
+    """Return whether two closures are different lines or curves, or have different carriers."""
+    if not {closure.kind, other.kind} <= {"line", "curve"}:
         return False
     turned = math.remainder(closure.angle - other.angle, math.pi)
-    return closure.link != other.link or turned != 0.0
+    return closure.link != other.link or closure.shape != other.shape or turned != 0.0
 
 
 #: Smallest inertia of a coordinate at bodies of mass, inertia and length 1: a zero is rounded.

@@ -15,7 +15,8 @@ from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, LimitWa
 from flexarm.control.contract.base import Controller, Reference, around
 from flexarm.control.hardware.measurement import Readings
 from flexarm.integrate.base import FloatArray
-from flexarm.kernels.forces.contact import CURVATURE, GAP
+from flexarm.kernels.forces.contact import GAP, SURFACE
+from flexarm.kernels.forces.surface import CURVATURE
 from flexarm.kernels.layout import Contacts
 from flexarm.simulation.calls.metrics import reference_angles
 from flexarm.simulation.loop.control_loop import ClosedLoop
@@ -186,7 +187,7 @@ def deep_contact(arm: Arm, placed: Contacts, states: FloatArray) -> str:
     if not placed.body.size or not len(states):
         return ""
     reach = arm.reach
-    bend = np.maximum(placed.law[:, CURVATURE], _OF_RADIUS / (_OF_REACH * reach))
+    bend = np.maximum(placed.law[:, SURFACE + CURVATURE], _OF_RADIUS / (_OF_REACH * reach))
     allowed = _OF_RADIUS / bend  # a fraction of the reach, or less where a post is thinner
     near = -contact_values(arm, placed, states[::_STRIDE])[..., GAP]
     if not np.any(near > 0.5 * allowed):

@@ -18,7 +18,7 @@ from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, warn_ca
 from flexarm.base.references import package_version
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.cache import can_compile
-from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_LINE, ROW_X, ROW_Y, ROWS
+from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_X, ROW_Y, ROWS
 from flexarm.linear.statics.axial import closure_warning
 from flexarm.model import file_text
 from flexarm.simulation.run.channels import CHANNELS
@@ -297,10 +297,10 @@ def _coordinate_names(arm: Arm) -> tuple[str, ...]:
 
 def _closure_names(arm: Arm) -> tuple[str, ...]:
     """Return a name for each row of the closures."""
-    directions = {ROW_X: "x", ROW_Y: "y", ROW_ANGLE: "moment", ROW_LINE: "normal"}
+    directions = {ROW_X: "x", ROW_Y: "y", ROW_ANGLE: "moment"}  # others have a normal
     rows = [row for closure in arm.spec.closures for row in ROWS[closure.kind]]
     numbers = zip(arm.closure_numbers, rows, strict=True)
-    return tuple(f"{number} {directions[row]}" for number, row in numbers)
+    return tuple(f"{number} {directions.get(row, 'normal')}" for number, row in numbers)
 
 
 def _gauge_names(arm: Arm) -> tuple[str, ...]:

@@ -35,8 +35,8 @@ _NONLINEAR = {
 class ArmInputs(NamedTuple):
     """Numbers that depend on the parameters of an arm, or their derivatives by one of them.
 
-    The first five arrays are those of ``ArmConstants``, the next five those of ``Loads``, the last
-    three those of ``Contacts``; shapes as there.
+    The arrays before the gauges are those of ``ArmConstants``, the next five those of ``Loads``,
+    the last three those of ``Contacts``; shapes as there.
     """
 
     arm: Array
@@ -46,6 +46,7 @@ class ArmInputs(NamedTuple):
     shortening: Array
     closure: Array
     ends: Array
+    knots: Array
     gauges: Array  # (gauges, m) strain per modal coordinate
     load_weight: Array
     load_lever: Array
@@ -59,7 +60,7 @@ class ArmInputs(NamedTuple):
     @property
     def constants(self) -> ArmConstants:
         """The constants of the arm."""
-        return ArmConstants(*self[:7])
+        return ArmConstants(*self[: len(ArmConstants._fields)])
 
 
 class Inputs(NamedTuple):

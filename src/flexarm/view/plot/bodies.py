@@ -111,7 +111,7 @@ def _draw_arms(
 
 
 def _draw_marks(panel: Axes, marks: Marks, looks: list[dict[str, Any]]) -> None:
-    """Draw slides, lines, closures and a moving base of postures."""
+    """Draw slides, lines, curves, closures and a moving base of postures."""
     for k, look in enumerate(looks):
         pale: dict[str, Any] = {"color": style.GREY, "label": "_", "zorder": 1.2}
         for ends in marks.rails[k]:

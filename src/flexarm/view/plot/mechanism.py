@@ -8,6 +8,8 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import station_of
+from flexarm.arm.assembly.surfaces import arc_of, course_of
+from flexarm.model import Surface, SurfaceTable, Wall
 from flexarm.view.plot.drawn_result import FloatArray
 from flexarm.view.plot.magnified import Place, point_at, segment_at
 
@@ -16,8 +18,8 @@ class Marks(NamedTuple):
     """Parts of a mechanism that are not links, in F frames; m, world axes."""
 
     feet: FloatArray  # (k, 2) points at which the ground carries joints and closures
-    #: (F, R, 2, 2) ends of the travel of slides and of points on lines; points of closures and the
-    #: axes of their links
+    #: (F, R, P, 2) ends of the travel of slides and of points on lines; curves of closures; points
+    #: of closures and the axes of their links. P = 2 without curves, else the last is repeated
     rails: FloatArray
     body: FloatArray | None  # (F, points, 2) line through a moving base and its joints
     pins: FloatArray  # (F, c, 2) first points of closures
@@ -83,13 +85,19 @@ def marks_of(arm: Arm, q: FloatArray, shapes: FloatArray) -> Marks:
             rails.append(np.stack([second.at, place], axis=1))
         if closure.kind == "line":
             rails.append(_rail(place, second.direction(closure.angle), first))
+        elif closure.shape:
+            axes = _Pose(place, second.direction(closure.angle))
+            rails.append(_curve(closure.shape, axes, first, arm.reach))
         elif closure.to_link is None or not (closure.to_link or spec.base.free):
             feet.append(place[0])
         on_pins.append(at)
-        on_rails += [at, *[to] * (bool(closure.to_link) + (closure.kind == "line"))]
+        guided = closure.kind == "line" or closure.shape is not None
+        on_rails += [at, *[to] * (bool(closure.to_link) + guided)]
+    most = max((rail.shape[1] for rail in rails), default=2)
+    rails = [np.pad(r, ((0, 0), (0, most - r.shape[1]), (0, 0)), mode="edge") for r in rails]
     return Marks(
         feet=np.unique(np.array(feet).reshape(-1, 2), axis=0),
-        rails=np.array(rails).reshape(-1, frames, 2, 2).swapaxes(0, 1),
+        rails=np.array(rails).reshape(-1, frames, most, 2).swapaxes(0, 1),
         body=np.stack(body, axis=1) if spec.base.free else None,
         pins=np.array(pins).reshape(-1, frames, 2).swapaxes(0, 1),
         carriers=(*on_rails, *on_pins),
@@ -117,6 +125,30 @@ def _on(shapes: FloatArray, place: Place) -> _Pose:
     step = points[:, k + 1] - points[:, k]
     length = np.linalg.norm(step, axis=1, keepdims=True)
     return _Pose(point_at(points, place.share), step / np.maximum(length, 1e-300))
+
+
+#: Points of a drawn curve.
+_POINTS = 61
+
+
+def _curve(curve: Surface, axes: _Pose, first: FloatArray, reach: float) -> FloatArray:
+    """Return the points (F, P, 2) of a curve in moving axes, near the points (F, 2) on it."""
+    if isinstance(curve, Wall):
+        _, point, normal = arc_of(curve)
+        return _rail(axes.point(*point), axes.direction(np.arctan2(-normal[0], normal[1])), first)
+    if isinstance(curve, SurfaceTable):
+        x, y = course_of(curve, 0.0, _POINTS).T
+    else:
+        away = first - axes.point(*curve.center)
+        across = np.sum(away * _turned(axes.along), axis=1)
+        angles = np.unwrap(np.arctan2(across, np.sum(away * axes.along, axis=1)))
+        half = min(np.pi, 0.5 * float(np.ptp(angles)) + reach / curve.radius)
+        middle = 0.5 * float(angles.min() + angles.max())
+        angle = np.linspace(middle - half, middle + half, _POINTS)
+        x = curve.center[0] + curve.radius * np.cos(angle)
+        y = curve.center[1] + curve.radius * np.sin(angle)
+    along, across = axes.along[:, None], _turned(axes.along)[:, None]
+    return np.asarray(axes.at[:, None] + x[:, None] * along + y[:, None] * across)
 
 
 def _rail(place: FloatArray, axis: FloatArray, moving: FloatArray) -> FloatArray:

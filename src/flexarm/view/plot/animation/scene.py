@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexarm.arm.actions import arc_of, pieces_of
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.surfaces import arc_of, course_of
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import FlexarmError, InputError, Problem
 from flexarm.cases.scenario.references import motion_of
@@ -293,7 +293,7 @@ def _solid_of(surface: Surface, view: FloatArray) -> _Solid:
     width = float(view[1] - view[0])
     middle = np.array([view[0] + view[1], view[2] + view[3]]) / 2.0
     if isinstance(surface, SurfaceTable):
-        course = _course(surface, width)
+        course = course_of(surface, 2.0 * width, _POINTS)
         along = np.gradient(course, axis=0)
         along /= np.linalg.norm(along, axis=1)[:, None]
         inward = np.stack([along[:, 1], -along[:, 0]], axis=1)  # solid lies to the right
@@ -313,22 +313,6 @@ def _line(surface: Wall, middle: FloatArray, width: float) -> tuple[FloatArray, 
     nearest = point + along * float(along @ (middle - point))
     course = nearest + np.outer([-2.0 * width, 2.0 * width], along)
     return course, np.array([-normal, -normal])
-
-
-def _course(surface: SurfaceTable, width: float) -> FloatArray:
-    """Return points (k, 2) of a tabulated curve; an open one continues straight beyond its ends."""
-    table = pieces_of(surface)
-    beyond = 0.0 if surface.closed else 2.0 * width
-    first, last = table[1, 0], table[-1, 0]
-    s = np.linspace(first, last, _POINTS)
-    if beyond:
-        s = np.concatenate([[first - beyond], s, [last + beyond]])
-    piece = table[np.searchsorted(table[1:, 0], s, side="right")]
-    d = s - piece[:, 0]
-    powers = np.stack([np.ones_like(d), d, d**2, d**3], axis=1)
-    return np.stack(
-        [np.sum(piece[:, 1:5] * powers, axis=1), np.sum(piece[:, 5:9] * powers, axis=1)], axis=1
-    )
 
 
 def surroundings(

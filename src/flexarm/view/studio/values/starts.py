@@ -17,7 +17,7 @@ from flexarm.base.errors import FlexarmError
 from flexarm.cases.scenario.references import motion_of
 from flexarm.control.design.arm_scales import arm_scales
 from flexarm.linear import modes
-from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario, environment
+from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario, environment, surfaces
 from flexarm.model.arm.joints import Friction, JointLimits, Winding
 from flexarm.model.arm.links import (
     Box,
@@ -222,7 +222,7 @@ def _number_of(old: Any) -> float:
 
 def _contact(scenario: Scenario, old: Any) -> dict[str, Any]:
     return {
-        "surface": new_record(scenario, environment.Wall),
+        "surface": new_record(scenario, surfaces.Wall),
         "stiffness": short(_HARDER * _stiffness(scenario)),
         "damping": 1.0,
     }
@@ -321,9 +321,9 @@ _STARTS: dict[type[Record], Callable[[Scenario, Any], dict[str, Any]]] = {
         "values": [_number_of(old)] * 2,
     },
     environment.Contact: _contact,
-    environment.Wall: _wall,
-    environment.RoundWall: _post,
-    environment.SurfaceTable: _floor,
+    surfaces.Wall: _wall,
+    surfaces.RoundWall: _post,
+    surfaces.SurfaceTable: _floor,
     Gauge: lambda of, _: {"station": 0.0, "distance": 0.005},
     Friction: lambda of, _: {"coulomb": 0.1},
     JointLimits: _limits,
