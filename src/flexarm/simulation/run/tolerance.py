@@ -67,6 +67,12 @@ def for_arm(tolerance: Tolerance, arm: Arm, state: FloatArray, horizon: float) -
     return tolerance._replace(unit=tip_units(arm, tolerance.scale, horizon), fastest=fastest)
 
 
+def scaled(tolerance: Tolerance, factor: float) -> Tolerance:
+    """Return a tolerance multiplied by ``factor``."""
+    absolute, relative = factor * tolerance.absolute, factor * tolerance.relative
+    return tolerance._replace(absolute=absolute, relative=relative)
+
+
 def reach_of(arm: Arm) -> float:
     """Return the distance (m) from the base to the tip of the straight arm."""
     turning = arm.assembly.constants.slides == 0.0
