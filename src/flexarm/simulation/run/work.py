@@ -35,6 +35,8 @@ from flexarm.simulation.run.tolerance import RTOL, scaled
 #: Explicit work above which a trial is made. Below, a run takes some milliseconds, and a second
 #: method would have to be compiled.
 _WORTH_A_TRIAL = 5_000.0
+#: The same for the trial of a run that is verified.
+_WORTH_VERIFYING = 2_000.0
 #: Steps of the first round of a trial; the part of the explicit work, and the evaluations, that all
 #: rounds may take. Steps lengthen while vibrations decay, so that a shorter trial overestimates the
 #: work: of 20 stiff random arms, three then took five to eleven times the work of the other method.
@@ -90,7 +92,7 @@ def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choi
     size = start.state[0].size
     implicit = np.inf
     switch = choice.open and not isinstance(choice.integrator, KennedyCarpenter5)
-    if switch and explicit > _WORTH_A_TRIAL:
+    if switch and explicit > _WORTH_VERIFYING:
         looser, implicit = _verifiable(start, explicit)
         if looser > 1.0:
             reason = (
@@ -271,7 +273,8 @@ def choose(run: Run, history: PiecewiseCubic) -> None:
     ends = run.watch is not None and any(event.terminal for event in run.watch.log.events)
     choice = choose_by_work(choice, start, open_end=ends or run.changes is not None)
     if choice is not run.choice:
-        run.tolerance = scaled(run.tolerance, choice.looser)
+        # Repetitions of a run have its tolerances already.
+        run.tolerance = scaled(run.tolerance, choice.looser / run.choice.looser)
         run.adopt(choice)
         run.doubt = choice.doubt
 
@@ -279,7 +282,7 @@ def choose(run: Run, history: PiecewiseCubic) -> None:
 def _verified(run: Run) -> float | None:
     """Return the accepted error over the reach if the run may be compared with a second one."""
     whole = run.watch is None and run.changes is None and not run.loads.placed.contacts.body.size
-    return run.request if whole and not run.strict and run.settings.accuracy is None else None
+    return run.request if whole and not run.strict else None
 
 
 def run_open_loop(
