@@ -49,17 +49,22 @@ from flexarm.simulation.run.impacts import (
     LOOSER,
     doubt_of_growth,
     growth_error,
+    is_missed,
     joined,
     may_grow,
     repeats_growth,
     returns_to_surface,
-    scaled,
 )
 from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.simulation.run.settings import relative_tolerance, request_of, tolerances_of
 from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
-from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
+from flexarm.simulation.run.tolerance import (
+    absolute_tolerance,
+    fastest_frequencies,
+    scaled,
+    tip_units,
+)
 from flexarm.simulation.run.validity import axial_load
 from flexarm.simulation.run.work import Start, choose_by_work
 
@@ -111,6 +116,7 @@ class Group:
     sizes: tuple[float, ...]  # see `_structure`
     ready: Sequence[Ready]
     runs: LaneRuns
+    looser: float = 1.0  # `Choice.looser`
     carried: Any = None  # what advanced them, for their channels and warnings
 
     def samples(self, place: int) -> FloatArray:
@@ -165,11 +171,11 @@ class Lanes(ABC):
             if method is not None:
                 sizes = () if self._arm else _structure(run)
                 relative = relative_tolerance(self._settings, run.arm)
-                key = (method.name, (*sizes, relative), *run.group)
+                key = (*method, (*sizes, relative), *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
         for key, (method, places) in groups.items():
             own = [ready[place] for place in places]
-            for outcome in self._executed(self._begin(method, key[1], own, fastest[places])):
+            for outcome in self._executed(self._begin(method, key[2], own, fastest[places])):
                 done.update(outcome.runs)
                 yield outcome
         for k in runs:
@@ -218,13 +224,14 @@ class Lanes(ABC):
             return fastest_frequencies(self._arm, np.array([run.state for run in ready]), least)
         return np.array([fastest_frequencies(run.arm, run.state[None], least)[0] for run in ready])
 
-    def _method(self, run: Ready, fastest: float) -> LaneIntegrator | None:
-        """Return the method of a run; None if lanes do not have it."""
+    def _method(self, run: Ready, fastest: float) -> tuple[LaneIntegrator, float] | None:
+        """Return the method of a run and `Choice.looser`; None if lanes do not have it."""
         try:
             choice = self._choice(run, self._tolerance._replace(fastest=fastest))
         except InputError:  # a hopeless run, which ``alone`` reports
             return None
-        return None if choice.doubt else lane_method(choice.integrator)
+        method = None if choice.doubt else lane_method(choice.integrator)
+        return None if method is None else (method, choice.looser)
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         """Return the integrator of a run."""
@@ -243,7 +250,7 @@ class Lanes(ABC):
 
     def _begin(
         self,
-        method: LaneIntegrator,
+        method: tuple[LaneIntegrator, float],
         sizes: tuple[float, ...],
         ready: Sequence[Ready],
         fastest: FloatArray,
@@ -255,8 +262,8 @@ class Lanes(ABC):
         constants = arms_of_runs(arms, placed, self._settings.atol, end)
         fastest, until = np.maximum(fastest, [run.touch for run in ready]), np.full(len(ready), end)
         runs = lane_runs(constants, states, fastest, until, self._times)
-        runs.clock[:, STEP] = [method.first_step(float(rate)) for rate in runs.fastest]
-        return Group(method, sizes, ready, runs)
+        runs.clock[:, STEP] = [method[0].first_step(float(rate)) for rate in runs.fastest]
+        return Group(method[0], sizes, ready, runs, method[1])
 
     def _verified(self, group: Group, done: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the runs ``done`` that remain after a comparison with others."""
@@ -363,9 +370,10 @@ class OpenLanes(Lanes):
         if not group.method.adaptive:
             return True
         unit, samples = group.unit(place), group.samples(place)
-        tolerance = self._tolerance_of(group.ready[place].arm)._replace(unit=unit)
+        strict = self._tolerance_of(group.ready[place].arm)._replace(unit=unit)
         default, steps = self._settings.atol is None, int(group.runs.counts[place, STEPS])
-        return small_motion(tolerance, tolerance.relative, default, samples, steps) is None
+        tolerance = scaled(strict, group.looser)
+        return small_motion(tolerance, strict.relative, default, samples, steps) is None
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
@@ -374,13 +382,17 @@ class OpenLanes(Lanes):
         touch = max(tolerance.fastest, run.touch)
         tolerance = self._tolerance_of(run.arm)._replace(fastest=touch)
         system = partial(system_of, run.arm, (), run.loads, run.drive)
-        start = Start(run.arm, run.state, tolerance, self._shared.duration, system)
+        verified = not self._shared.environment.contacts and self._settings.accuracy is None
+        request = request_of(self._settings, run.arm) if verified else None
+        start = Start(run.arm, run.state, tolerance, self._shared.duration, system, request)
         return choose_by_work(choice, start)
 
     def _carry(self, group: Group, looser: float = 1.0) -> None:
         first, histories = group.ready[0], [run.drive for run in group.ready]
         drive = drive_of_runs(first.arm, histories, first.loads)
-        self._stepper(group, looser).advance(group.method, drive, group.runs, MOST_STEPS)
+        self._stepper(group, group.looser * looser).advance(
+            group.method, drive, group.runs, MOST_STEPS
+        )
         group.carried = {}
 
     def _verified(self, group: Group, done: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -392,17 +404,20 @@ class OpenLanes(Lanes):
         if not far:
             return done
         compared = [group.ready[k] for k in far]
-        others = self._begin(group.method, group.sizes, compared, group.runs.fastest[far])
+        method = group.method, group.looser
+        others = self._begin(method, group.sizes, compared, group.runs.fastest[far])
         self._carry(others, LOOSER)
         repeated = []
         for row, place in enumerate(far):
             if others.runs.status[row] != Status.DONE:
+                if group.looser > 1.0:
+                    repeated.append(place)
                 continue
             group.runs.counts[place, EVALUATIONS] += others.runs.counts[row, EVALUATIONS]
             arm, request = compared[row].arm, request_of(self._settings, compared[row].arm)
             assert request is not None
             error = growth_error(arm, group.samples(place), others.samples(row))
-            if repeats_growth(error, request):
+            if is_missed(error, request) if group.looser > 1.0 else repeats_growth(error, request):
                 repeated.append(place)
             group.carried[place] = doubt_of_growth(arm, self._times, error, request)
         return np.setdiff1d(done, repeated)
@@ -412,6 +427,8 @@ class OpenLanes(Lanes):
         arm, samples = group.ready[place].arm, group.samples(place)
         if self._settings.accuracy is not None or request_of(self._settings, arm) is None:
             return False
+        if group.looser > 1.0:
+            return True
         constants, unit = constants_with(arm, ()), group.unit(place)
         return may_grow(group.method.name, samples, constants, unit, self._times)
 
