@@ -49,7 +49,6 @@ from flexarm.simulation.run.impacts import (
     LOOSER,
     doubt_of_growth,
     growth_error,
-    is_missed,
     joined,
     may_grow,
     repeats_growth,
@@ -382,8 +381,8 @@ class OpenLanes(Lanes):
         touch = max(tolerance.fastest, run.touch)
         tolerance = self._tolerance_of(run.arm)._replace(fastest=touch)
         system = partial(system_of, run.arm, (), run.loads, run.drive)
-        verified = not self._shared.environment.contacts and self._settings.accuracy is None
-        request = request_of(self._settings, run.arm) if verified else None
+        whole = not self._shared.environment.contacts
+        request = request_of(self._settings, run.arm) if whole else None
         start = Start(run.arm, run.state, tolerance, self._shared.duration, system, request)
         return choose_by_work(choice, start)
 
@@ -417,7 +416,8 @@ class OpenLanes(Lanes):
             arm, request = compared[row].arm, request_of(self._settings, compared[row].arm)
             assert request is not None
             error = growth_error(arm, group.samples(place), others.samples(row))
-            if is_missed(error, request) if group.looser > 1.0 else repeats_growth(error, request):
+            missed = bool(error.max(initial=0.0) > request)
+            if missed if group.looser > 1.0 else repeats_growth(error, request):
                 repeated.append(place)
             group.carried[place] = doubt_of_growth(arm, self._times, error, request)
         return np.setdiff1d(done, repeated)
@@ -425,10 +425,10 @@ class OpenLanes(Lanes):
     def _is_compared(self, group: Group, place: int) -> bool:
         """Return whether a run at the default accuracy is compared with another one."""
         arm, samples = group.ready[place].arm, group.samples(place)
-        if self._settings.accuracy is not None or request_of(self._settings, arm) is None:
-            return False
         if group.looser > 1.0:
             return True
+        if self._settings.accuracy is not None or request_of(self._settings, arm) is None:
+            return False
         constants, unit = constants_with(arm, ()), group.unit(place)
         return may_grow(group.method.name, samples, constants, unit, self._times)
 

@@ -281,9 +281,7 @@ def _compare_growth(run: Run, beginning: Beginning, request: float) -> None:
             _execute_strictly(run, first)
         return
     error = growth_error(run.arm, run.samples[:count], other.samples[: other.progress.sample])
-    # A stated accuracy is a promise, which a second run has to show.
-    promised = verified and run.settings.accuracy is not None
-    allowed = request if promised else _MISSED * request
+    allowed = request if verified else _MISSED * request
     factor = 1.0
     for _ in range(_REPETITIONS if verified else 1):
         if not allowed < error.max(initial=0.0) < _HOPELESS * request:
@@ -322,14 +320,9 @@ def growth_error(arm: Arm, samples: FloatArray, others: FloatArray) -> FloatArra
     return np.asarray(share_of_finer(LOOSER) / reach_of(arm) * np.hypot(*np.subtract(*tips).T))
 
 
-def is_missed(error: FloatArray, request: float) -> bool:
-    """Return whether the error of a run is far above the accepted one."""
-    return bool(error.max(initial=0.0) > _MISSED * request)
-
-
 def repeats_growth(error: FloatArray, request: float) -> bool:
     """Return whether a run misses the accepted error so little that a repetition reaches it."""
-    return is_missed(error, request) and bool(error.max() < _HOPELESS * request)
+    return bool(_MISSED * request < error.max(initial=0.0) < _HOPELESS * request)
 
 
 def doubt_of_growth(arm: Arm, times: FloatArray, error: FloatArray, request: float) -> str:
