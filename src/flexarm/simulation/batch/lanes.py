@@ -162,7 +162,7 @@ class Lanes(ABC):
         ready = self._ready(runs)
         done: set[int] = set()
         fastest = self._fastest(ready)
-        groups: dict[tuple[Any, ...], tuple[LaneIntegrator, list[int]]] = {}
+        groups: dict[tuple[Any, ...], tuple[tuple[LaneIntegrator, float], list[int]]] = {}
         method = None
         for place, run in enumerate(ready):
             if place == 0 or self._settings.integrator == "auto":
@@ -170,11 +170,11 @@ class Lanes(ABC):
             if method is not None:
                 sizes = () if self._arm else _structure(run)
                 relative = relative_tolerance(self._settings, run.arm)
-                key = (*method, (*sizes, relative), *run.group)
+                key = (method[0].name, (*sizes, relative), method[1], *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
-        for key, (method, places) in groups.items():
+        for key, (shared, places) in groups.items():
             own = [ready[place] for place in places]
-            for outcome in self._executed(self._begin(method, key[2], own, fastest[places])):
+            for outcome in self._executed(self._begin(shared, key[1], own, fastest[places])):
                 done.update(outcome.runs)
                 yield outcome
         for k in runs:

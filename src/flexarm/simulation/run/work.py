@@ -99,8 +99,8 @@ def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choi
                 "order 5 with bending implicit: far fewer evaluations at the accepted error, which "
                 "a comparison with larger tolerances verifies"
             )
-            changes = {"reason": reason, "open": False, "looser": looser, "work": implicit}
-            return choice._replace(integrator=_implicit(start), **changes)
+            verified = choice._replace(reason=reason, open=False, looser=looser, work=implicit)
+            return verified._replace(integrator=_implicit(start))
     if explicit > _WORTH_A_TRIAL and (switch or explicit * size > _LONG):
         implicit = implicit_work(start, explicit)
     if switch and implicit < _CHEAPER * explicit:
