@@ -41,7 +41,7 @@ class FlexibleModel:
     """
 
     def __init__(self, arm: Arm) -> None:
-        self.arm = arm
+        self.arm, self._strains = arm, strain_matrix(arm)
         assembly = arm.assembly
         self.elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
         self.unbalanced = self.elastic.size
@@ -117,6 +117,22 @@ class FlexibleModel:
         q[self._joint_places], q[self._elastic_places] = angle, bend
         self._kernels.call(poses, self._state, self._poses, self._tip)
         return self._tip[:2].copy()
+
+    def readings(self, names: Sequence[str], q: FloatArray, qd: FloatArray) -> FloatArray:
+        """Return the measurement (T, p) at T instants of a motion."""
+        parts, angle = [], q[:, self.arm.joint_index]
+        for name in names:
+            if name == "joint_angle":
+                parts.append(angle)
+            elif name == "joint_rate":
+                parts.append(qd[:, self.arm.joint_index])
+            elif name == "strain":
+                parts.append(q @ self._strains.T)
+            else:
+                bent = q[:, self.elastic]
+                tips = [self.tip(at, bend) for at, bend in zip(angle, bent, strict=True)]
+                parts.append(np.array(tips))
+        return np.concatenate(parts, axis=1)
 
 
 class MechanismModel(FlexibleModel):

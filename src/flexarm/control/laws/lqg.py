@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import KW_ONLY, dataclass, replace
+from functools import partial
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
@@ -57,7 +58,6 @@ from flexarm.control.design.nominal import (
     PostureGrid,
     PreviewedReference,
     RecordedRun,
-    strain_matrix,
 )
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.statics.equilibrium import equilibrium
@@ -106,7 +106,6 @@ class LQG(LQGParameters, OfArm, Controller):
         rate = typical_rate(arm, vars(self)["sample_time"])
         self._scale_defaults(rate)
         self.design_requirements = design_requirements(arm, self, self._regulated(), rate)
-        self._strains = strain_matrix(arm)
         self._grid = PostureGrid(self.posture, self.schedule)
         self._coordinates = self._placed()
         with one_warning() as bent:
@@ -208,10 +207,11 @@ class LQG(LQGParameters, OfArm, Controller):
         return self._delayed + self._previewed + 1
 
     def _nominal_motion(self) -> PreviewedReference | RecordedRun:
+        shown = partial(self._model.readings, tuple(self.design_requirements.measured))
         if self.nominal is not None:
-            return RecordedRun(self._model, self.nominal, self.sample_time, self._steps, self._show)
+            return RecordedRun(self._model, self.nominal, self.sample_time, self._steps, shown)
         sag = Interpolated(self._grid, [[item.sag] for item in self.designs])
-        return PreviewedReference(self._model, sag, self.sample_time, self._steps, self._show)
+        return PreviewedReference(self._model, sag, self.sample_time, self._steps, shown)
 
     def reset(self) -> None:
         """Clear the estimate, the integrals and the nominal motion."""
@@ -228,10 +228,7 @@ class LQG(LQGParameters, OfArm, Controller):
 
     @property
     def estimate(self) -> FloatArray:
-        """Estimated deviation of (q, qd) from the nominal motion at the last sample (2 dof,).
-
-        Of a mechanism, that of its independent coordinates.
-        """
+        """Deviation (2 dof,) from the nominal motion; of a mechanism's independent coordinates."""
         return np.array(self.memory.get("estimate", np.zeros(self._states)))
 
     def planned(self, t: float, reference: Reference) -> Arrays:
@@ -262,8 +259,7 @@ class LQG(LQGParameters, OfArm, Controller):
         state, integral = start[..., : self._states], start[..., self._states :]
         memory = {"prediction": state, "estimate": state, "integral": integral}
         if self._delayed:  # requested deviations that do not act yet
-            waiting = np.zeros((*first.shape[:-1], self._delayed * self._joints))
-            memory["waiting"] = waiting
+            memory["waiting"] = np.zeros((*first.shape[:-1], self._delayed * self._joints))
         return memory
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
@@ -311,22 +307,6 @@ class LQG(LQGParameters, OfArm, Controller):
             force = np.broadcast_to(force, (*state.shape[:-1], force.size))
         return np.concatenate([state, torque, force], axis=-1)
 
-    def _show(self, q: FloatArray, qd: FloatArray) -> FloatArray:
-        """Return the measurement (T, p) at T instants of the nominal motion."""
-        parts, angle = [], q[:, self.arm.joint_index]
-        for name in self.design_requirements.measured:
-            if name == "joint_angle":
-                parts.append(angle)
-            elif name == "joint_rate":
-                parts.append(qd[:, self.arm.joint_index])
-            elif name == "strain":
-                parts.append(q @ self._strains.T)
-            else:
-                bent = q[:, self._model.elastic]
-                tips = [self._model.tip(a, b) for a, b in zip(angle, bent, strict=True)]
-                parts.append(np.array(tips))
-        return np.concatenate(parts, axis=1)
-
     def _feedback(
         self, memory: Arrays, state: FloatArray, arrays: Sequence[FloatArray], inputs: Arrays
     ) -> tuple[FloatArray, Arrays]:
@@ -338,8 +318,7 @@ class LQG(LQGParameters, OfArm, Controller):
         if self.torque_limit is None:
             return torque
         # ``minimum`` and ``maximum`` take half the time of ``clip``.
-        cut: FloatArray = np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit)
-        return cut
+        return np.asarray(np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit))
 
     def _rise(self, readings: Measurement, inputs: Arrays) -> FloatArray:
         """Return the change of the integrals in a sample without limits."""
@@ -580,14 +559,12 @@ class Composite(CompositeParameters, LQG):
         A, B = held(A, model.B[moved], self.sample_time)
         size = sizes_of("acceptable", model, weighted)
         rows = rows_of(model, tuple(weighted))[:, moved] / size[:, None]
-        price = np.diag(self.design_requirements.acceptable_torque**-2.0)
-        weighed = rows.T @ rows
-        acceptable = self.design_requirements.acceptable_torque
-        stiffness, energy = bending(self._coordinates, model, acceptable)
-        requirements = self.design_requirements
-        weighed[:k, :k] += bend_weight(requirements.rigidity_uncertainty, stiffness, energy)
+        needs, weighed = self.design_requirements, rows.T @ rows
+        price = np.diag(needs.acceptable_torque**-2.0)
+        stiffness, energy = bending(self._coordinates, model, needs.acceptable_torque)
+        weighed[:k, :k] += bend_weight(needs.rigidity_uncertainty, stiffness, energy)
         sizes = coordinate_sizes(arm)
-        sizes = np.append(sizes, requirements.rate * sizes)
+        sizes = np.append(sizes, needs.rate * sizes)
         gain, cost = regulator(A, B, weighed, price, sizes[moved])
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)
@@ -619,5 +596,5 @@ class Composite(CompositeParameters, LQG):
     def _known_force_gain(self, item: Design) -> FloatArray:
         """Return the gain of elastic forces, whose bending belongs to the slow manifold: (C.37)."""
         at = [np.array_equal(item.posture, other.posture) for other in self.designs].index(True)
-        bent = item.gain[:, self._model.elastic] @ self.fast_designs[at].flexibility
-        return -bent[:, None, :]
+        fast = self.fast_designs[at]
+        return -(item.gain[:, self._model.elastic] @ fast.flexibility)[:, None, :]
