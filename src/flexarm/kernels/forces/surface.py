@@ -59,19 +59,20 @@ def _arc(rows: Array, k: int, at: int, x: Any, y: Any) -> tuple[Any, Any, Any, A
 def _nearest_chord(knots: Array, first: int, last: int, x: Any, y: Any) -> tuple[int, float]:
     """Return the piece between knots whose chord is nearest to a point, and the arc length."""
     near = first + 1
-    place = knots[near, 0]
+    place = real(knots[near, 0])
     least = np.inf
     for j in range(first + 1, last):
-        cx = knots[j + 1, 1] - knots[j, 1]
-        cy = knots[j + 1, 5] - knots[j, 5]
-        dx = real(x) - knots[j, 1]
-        dy = real(y) - knots[j, 5]
+        cx = real(knots[j + 1, 1]) - real(knots[j, 1])
+        cy = real(knots[j + 1, 5]) - real(knots[j, 5])
+        dx = real(x) - real(knots[j, 1])
+        dy = real(y) - real(knots[j, 5])
         along = min(max((cx * dx + cy * dy) / (cx * cx + cy * cy), 0.0), 1.0)
         away = (dx - along * cx) ** 2 + (dy - along * cy) ** 2
         if away < least:
             least = away
             near = j
-            place = knots[j, 0] + along * (knots[j + 1, 0] - knots[j, 0])
+            start = real(knots[j, 0])
+            place = start + along * (real(knots[j + 1, 0]) - start)
     return near, place
 
 
@@ -83,17 +84,17 @@ def _table(rows: Array, k: int, at: int, knots: Array, x: Any, y: Any) -> tuple[
     near, place = _nearest_chord(knots, first, last, x, y)
     s = place + 0.0 * x
     # Limit the search to the neighbouring pieces: a longer step could pass around a sharp end.
-    lowest = knots[near - 1, 0]
-    highest = knots[min(near + 2, last), 0]
-    if knots[first, 0] == knots[first + 1, 0]:  # an open curve continues straight beyond its ends
+    lowest = real(knots[near - 1, 0])
+    highest = real(knots[min(near + 2, last), 0])
+    if real(knots[first, 0]) == real(knots[first + 1, 0]):  # an open curve continues straight beyond its ends
         lowest = lowest if near - 1 > first else -np.inf
         highest = highest if near + 2 < last else np.inf
     elif near + 1 == last:
-        highest = knots[last, 0] + knots[first + 2, 0] - knots[first + 1, 0]
+        highest = real(knots[last, 0]) + real(knots[first + 2, 0]) - real(knots[first + 1, 0])
     for _ in range(_ITERATIONS):
-        while near < last and real(s) >= knots[near + 1, 0]:
+        while near < last and real(s) >= real(knots[near + 1, 0]):
             near += 1
-        while near > first and real(s) < knots[near, 0]:
+        while near > first and real(s) < real(knots[near, 0]):
             near -= 1
         u = s - knots[near, 0]
         dx = knots[near, 1] + u * (knots[near, 2] + u * (knots[near, 3] + u * knots[near, 4])) - x
@@ -109,9 +110,9 @@ def _table(rows: Array, k: int, at: int, knots: Array, x: Any, y: Any) -> tuple[
         s = s - (dx * tx + dy * ty) / slope
         if real(s) < lowest or real(s) > highest:
             s = min(max(real(s), lowest), highest) + 0.0 * x
-    while near < last and real(s) >= knots[near + 1, 0]:
+    while near < last and real(s) >= real(knots[near + 1, 0]):
         near += 1
-    while near > first and real(s) < knots[near, 0]:
+    while near > first and real(s) < real(knots[near, 0]):
         near -= 1
     u = s - knots[near, 0]
     dx = x - knots[near, 1] - u * (knots[near, 2] + u * (knots[near, 3] + u * knots[near, 4]))
@@ -134,6 +135,6 @@ def nearest(
 
     The columns of the surface begin at ``at``; ``knots`` (pieces, 9) has the tables.
     """
-    if rows[k, at + COUNT] > 0.0:
+    if real(rows[k, at + COUNT]) > 0.0:
         return _table(rows, k, at, knots, x, y)
     return _arc(rows, k, at, x, y)
