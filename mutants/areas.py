@@ -39,7 +39,7 @@ AREAS: dict[str, Area] = {
                 ),
             ),
             Group(
-                sources=("kernels/**/contact.py",),
+                sources=("kernels/**/contact.py", "kernels/**/surface.py"),
                 tests=(
                     "unit/contacts/test_contact_places.py",
                     "unit/contacts/test_surfaces.py",

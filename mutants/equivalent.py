@@ -21,18 +21,18 @@ _PROGRESS = (
 _POLES = "poles = np.where(np.abs(poles) {} _ROUNDING * np.abs(poles).max(initial=0.0), poles, 0.0)"
 
 EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
-    "contact.py": {
+    "surface.py": {
         (
-            "place = knots[near, 0]",
-            "place = knots[near, -1]",
+            "place = real(knots[near, 0])",
+            "place = real(knots[near, -1])",
         ): _REPLACED,
         (
-            "place = knots[near, 0]",
-            "place = knots[near, 1]",
+            "place = real(knots[near, 0])",
+            "place = real(knots[near, 1])",
         ): _REPLACED,
         (
-            "while near < last and real(s) >= knots[near + 1, 0]:",
-            "while near < last and real(s) > knots[near + 1, 0]:",
+            "while near < last and real(s) >= real(knots[near + 1, 0]):",
+            "while near < last and real(s) > real(knots[near + 1, 0]):",
         ): "at a knot both pieces of the spline have the same point, tangent and curvature",
     },
     "modal.py": {

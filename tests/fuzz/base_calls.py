@@ -359,7 +359,10 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
         lambda: fa.animate(result(), fps=2.0, width=320),
         {"save": {"path": lambda: folder() / "arm.gif"}},
     ),
-    "rigid_torque()": (lambda: fa.rigid_torque(arm(), motion()), {"__call__": {"t": 0.2}}),
+    "rigid_torque()": (
+        lambda: fa.rigid_torque(arm(), motion()),
+        {"__call__": {"t": 0.2}, "base_position": {"t": 0.2}},
+    ),
     "quintic()": (quintic, {"__call__": {"u": 0.2}}),
 }
 for _name in ("LQG", "MPC", "NonlinearMPC", "Composite"):

@@ -44,9 +44,6 @@ def in_complex_steps(arm, controller, reference, path, duration, steps):
         constants = constants_at(arm, {path: number_at("", arm.spec, path) + 1j * STEP}, complex)[0]
     constants = ArmConstants(*(array.astype(complex) for array in constants))
     controller.reset()
-    for name in ("_known", "_whole", "_pushed"):  # the arrays that an LQG writes to
-        if hasattr(controller, name):
-            setattr(controller, name, getattr(controller, name).astype(complex))
     dt = controller.sample_time
     step = stepper_of(arm, "rk4", dt / steps)
     for k in range(round(duration / dt)):

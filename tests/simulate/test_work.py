@@ -35,9 +35,8 @@ def test_a_short_run_of_a_stiff_link_takes_the_cheaper_method():
     """The explicit method takes 14,000 evaluations, of which the estimate expects 10,000."""
     arm = rod(1e5, joints=[fa.Joint(hub_inertia=0.1)])
     chosen = fall(arm, 0.02, rate=500.0)
-    assert chosen.integrator == "kennedy_carpenter_5"
     explicit = fall(arm, 0.02, rate=500.0, integrator="dormand_prince_8")
-    assert chosen.evaluations < 0.2 * explicit.evaluations
+    assert chosen.evaluations < 0.1 * explicit.evaluations
     assert 5_000 < explicit.evaluations < 20_000
 
 
@@ -47,15 +46,16 @@ def test_a_link_that_is_almost_rigid_falls_like_a_rigid_one(rigidity):
     result = fall(rod(rigidity))
     assert result.integrator == "kennedy_carpenter_5"
     assert result.steps < 6000
-    np.testing.assert_allclose(result.tip.values[-1, :2], FALLEN, rtol=0, atol=result.accuracy)
+    # Twenty times rtol: 35 steps of up to 0.15 rad, each of which errs by rtol times the angle.
+    np.testing.assert_allclose(result.tip.values[-1, :2], FALLEN, rtol=0, atol=2.5e-6)
 
 
 @pytest.mark.thorough
 def test_visible_vibrations_are_followed():
     arm = rod(100.0)
     result, tight = fall(arm, 2.5), fall(arm, 2.5, rtol=1e-11, atol=1e-13)
-    assert result.integration_error < result.accuracy
-    np.testing.assert_allclose(result.tip, tight.tip, rtol=0, atol=result.accuracy)
+    assert result.integrator == "dormand_prince_8"
+    np.testing.assert_allclose(result.tip, tight.tip, rtol=0, atol=1e-7)
 
 
 def stiffened(spec, factor):
@@ -116,7 +116,7 @@ def test_implicit_method_is_as_accurate_as_the_tolerance_promises(power, seed):
         arm = arm.rigid()
     exact = fa.simulate(arm, 1.0, rtol=1e-11, atol=1e-13, integrator=DormandPrince8(), **settings)
     error = np.linalg.norm((result.tip - exact.tip).values, axis=1).max()
-    assert error < result.accuracy
+    assert error < 3e-6 * arm.link_lengths.sum()
 
 
 def test_an_hour_of_a_slow_arm_and_of_a_stiff_one():
@@ -194,7 +194,7 @@ def test_loops_leave_fast_vibrations_to_the_implicit_method_only_where_errors_st
 
 
 def test_check_recommends_the_integrator_of_the_run():
-    for rigidity, name in ((1e8, "kennedy_carpenter_5"), (20.0, "dormand_prince_8")):
+    for rigidity, name in ((1e8, "kennedy_carpenter_5"), (100.0, "dormand_prince_8")):
         arm = rod(rigidity)
         choice = integrator_of(arm, duration=1.0)
         assert choice.integrator.name == name == fall(arm).integrator

@@ -36,7 +36,7 @@ class Links:
 
     @property
     def assembly(self) -> SimpleNamespace:
-        return SimpleNamespace(seats=[SimpleNamespace(link=i) for i in range(self.links)])
+        return SimpleNamespace(seats=[SimpleNamespace(link=i) for i in range(self.links)], base=())
 
     @property
     def spec(self) -> SimpleNamespace:

@@ -239,8 +239,7 @@ class LQG(LQGParameters, OfArm, Controller):
         if self.nominal is None and isinstance(reference, Rest) and reference.angle.ndim > 1:
             rule = "is required for the readings of several runs at the same time"
             raise InputError(Problem("reference", rule))
-        nominal, late = self._motion.at(t, reference), self._delayed
-        forces = self._motion.missing
+        nominal, late, forces = self._motion.at(t, reference), self._delayed, self._motion.missing
         inputs = {
             "nominal_angle": nominal.angle,
             "nominal_torque": self._motion.torques(late + 1)[late] if late else nominal.torque,
@@ -268,8 +267,8 @@ class LQG(LQGParameters, OfArm, Controller):
         shown = [readings[name] for name in self.design_requirements.measured]
         missed = np.concatenate(shown, axis=-1) - inputs["nominal_reading"]
         estimate = applied(correct, np.concatenate([memory["prediction"], missed], axis=-1))
-        ahead = self._predicted(estimate, memory, predict, inputs)
-        state = np.concatenate([ahead, memory["integral"]], axis=-1)
+        parts = self._predicted(estimate, memory, predict, inputs), memory["integral"]
+        state = np.concatenate(parts, axis=-1)
         nominal, forces = inputs["nominal_torque"], inputs["nominal_force"]
         feedback, more = self._feedback(memory, state, arrays, inputs)
         desired = nominal + feedback
@@ -277,8 +276,8 @@ class LQG(LQGParameters, OfArm, Controller):
         acting, m = torque - nominal, self._joints
         if self._delayed:
             waiting = np.concatenate([memory["waiting"], acting], axis=-1)
-            acting, more = waiting[..., :m], {**more, "waiting": waiting[..., m:]}
             forces = inputs["coming_force"]
+            acting, more = waiting[..., :m], {**more, "waiting": waiting[..., m:]}
         pushed = self._pushed(estimate, acting, forces[0])
         integral = memory["integral"]
         if self._integrals:
@@ -318,7 +317,8 @@ class LQG(LQGParameters, OfArm, Controller):
         if self.torque_limit is None:
             return torque
         # ``minimum`` and ``maximum`` take half the time of ``clip``.
-        return np.asarray(np.minimum(np.maximum(torque, -self.torque_limit), self.torque_limit))
+        limit: FloatArray = self.torque_limit
+        return np.minimum(np.maximum(torque, -limit), limit)
 
     def _rise(self, readings: Measurement, inputs: Arrays) -> FloatArray:
         """Return the change of the integrals in a sample without limits."""
@@ -557,14 +557,13 @@ class Composite(CompositeParameters, LQG):
         moved = np.append(elastic, arm.dof + elastic)
         A = np.block([[np.zeros((k, k)), np.eye(k)], [-pull, -drag]])
         A, B = held(A, model.B[moved], self.sample_time)
-        size = sizes_of("acceptable", model, weighted)
-        rows = rows_of(model, tuple(weighted))[:, moved] / size[:, None]
+        rows = rows_of(model, tuple(weighted))[:, moved]
+        rows = rows / sizes_of("acceptable", model, weighted)[:, None]
         needs, weighed = self.design_requirements, rows.T @ rows
         price = np.diag(needs.acceptable_torque**-2.0)
         stiffness, energy = bending(self._coordinates, model, needs.acceptable_torque)
         weighed[:k, :k] += bend_weight(needs.rigidity_uncertainty, stiffness, energy)
-        sizes = coordinate_sizes(arm)
-        sizes = np.append(sizes, needs.rate * sizes)
+        sizes = np.outer([1.0, needs.rate], coordinate_sizes(arm)).ravel()
         gain, cost = regulator(A, B, weighed, price, sizes[moved])
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
         fast = FastDesign(frequency, flexibility, A, B, gain, cost)
@@ -596,5 +595,5 @@ class Composite(CompositeParameters, LQG):
     def _known_force_gain(self, item: Design) -> FloatArray:
         """Return the gain of elastic forces, whose bending belongs to the slow manifold: (C.37)."""
         at = [np.array_equal(item.posture, other.posture) for other in self.designs].index(True)
-        fast = self.fast_designs[at]
-        return -(item.gain[:, self._model.elastic] @ fast.flexibility)[:, None, :]
+        bent = item.gain[:, self._model.elastic] @ self.fast_designs[at].flexibility
+        return -bent[:, None, :]

@@ -86,7 +86,8 @@ def _table(rows: Array, k: int, at: int, knots: Array, x: Any, y: Any) -> tuple[
     # Limit the search to the neighbouring pieces: a longer step could pass around a sharp end.
     lowest = real(knots[near - 1, 0])
     highest = real(knots[min(near + 2, last), 0])
-    if real(knots[first, 0]) == real(knots[first + 1, 0]):  # an open curve continues straight beyond its ends
+    # An open curve continues straight beyond its ends.
+    if real(knots[first, 0]) == real(knots[first + 1, 0]):
         lowest = lowest if near - 1 > first else -np.inf
         highest = highest if near + 2 < last else np.inf
     elif near + 1 == last:

@@ -53,17 +53,13 @@ from flexarm.simulation.run.impacts import (
     may_grow,
     repeats_growth,
     returns_to_surface,
+    scaled,
 )
 from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
 from flexarm.simulation.run.settings import relative_tolerance, request_of, tolerances_of
 from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
-from flexarm.simulation.run.tolerance import (
-    absolute_tolerance,
-    fastest_frequencies,
-    scaled,
-    tip_units,
-)
+from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
 from flexarm.simulation.run.validity import axial_load
 from flexarm.simulation.run.work import Start, choose_by_work
 
@@ -115,7 +111,6 @@ class Group:
     sizes: tuple[float, ...]  # see `_structure`
     ready: Sequence[Ready]
     runs: LaneRuns
-    looser: float = 1.0  # `Choice.looser`
     carried: Any = None  # what advanced them, for their channels and warnings
 
     def samples(self, place: int) -> FloatArray:
@@ -162,7 +157,7 @@ class Lanes(ABC):
         ready = self._ready(runs)
         done: set[int] = set()
         fastest = self._fastest(ready)
-        groups: dict[tuple[Any, ...], tuple[tuple[LaneIntegrator, float], list[int]]] = {}
+        groups: dict[tuple[Any, ...], tuple[LaneIntegrator, list[int]]] = {}
         method = None
         for place, run in enumerate(ready):
             if place == 0 or self._settings.integrator == "auto":
@@ -170,11 +165,11 @@ class Lanes(ABC):
             if method is not None:
                 sizes = () if self._arm else _structure(run)
                 relative = relative_tolerance(self._settings, run.arm)
-                key = (method[0].name, (*sizes, relative), method[1], *run.group)
+                key = (method.name, (*sizes, relative), *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
-        for key, (shared, places) in groups.items():
+        for key, (method, places) in groups.items():
             own = [ready[place] for place in places]
-            for outcome in self._executed(self._begin(shared, key[1], own, fastest[places])):
+            for outcome in self._executed(self._begin(method, key[1], own, fastest[places])):
                 done.update(outcome.runs)
                 yield outcome
         for k in runs:
@@ -223,14 +218,13 @@ class Lanes(ABC):
             return fastest_frequencies(self._arm, np.array([run.state for run in ready]), least)
         return np.array([fastest_frequencies(run.arm, run.state[None], least)[0] for run in ready])
 
-    def _method(self, run: Ready, fastest: float) -> tuple[LaneIntegrator, float] | None:
-        """Return the method of a run and `Choice.looser`; None if lanes do not have it."""
+    def _method(self, run: Ready, fastest: float) -> LaneIntegrator | None:
+        """Return the method of a run; None if lanes do not have it."""
         try:
             choice = self._choice(run, self._tolerance._replace(fastest=fastest))
         except InputError:  # a hopeless run, which ``alone`` reports
             return None
-        method = None if choice.doubt else lane_method(choice.integrator)
-        return None if method is None else (method, choice.looser)
+        return None if choice.doubt else lane_method(choice.integrator)
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         """Return the integrator of a run."""
@@ -249,7 +243,7 @@ class Lanes(ABC):
 
     def _begin(
         self,
-        method: tuple[LaneIntegrator, float],
+        method: LaneIntegrator,
         sizes: tuple[float, ...],
         ready: Sequence[Ready],
         fastest: FloatArray,
@@ -261,8 +255,8 @@ class Lanes(ABC):
         constants = arms_of_runs(arms, placed, self._settings.atol, end)
         fastest, until = np.maximum(fastest, [run.touch for run in ready]), np.full(len(ready), end)
         runs = lane_runs(constants, states, fastest, until, self._times)
-        runs.clock[:, STEP] = [method[0].first_step(float(rate)) for rate in runs.fastest]
-        return Group(method[0], sizes, ready, runs, method[1])
+        runs.clock[:, STEP] = [method.first_step(float(rate)) for rate in runs.fastest]
+        return Group(method, sizes, ready, runs)
 
     def _verified(self, group: Group, done: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the runs ``done`` that remain after a comparison with others."""
@@ -369,10 +363,9 @@ class OpenLanes(Lanes):
         if not group.method.adaptive:
             return True
         unit, samples = group.unit(place), group.samples(place)
-        strict = self._tolerance_of(group.ready[place].arm)._replace(unit=unit)
+        tolerance = self._tolerance_of(group.ready[place].arm)._replace(unit=unit)
         default, steps = self._settings.atol is None, int(group.runs.counts[place, STEPS])
-        tolerance = scaled(strict, group.looser)
-        return small_motion(tolerance, strict.relative, default, samples, steps) is None
+        return small_motion(tolerance, tolerance.relative, default, samples, steps) is None
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         choice = super()._choice(run, tolerance)
@@ -381,17 +374,13 @@ class OpenLanes(Lanes):
         touch = max(tolerance.fastest, run.touch)
         tolerance = self._tolerance_of(run.arm)._replace(fastest=touch)
         system = partial(system_of, run.arm, (), run.loads, run.drive)
-        whole = not self._shared.environment.contacts
-        request = request_of(self._settings, run.arm) if whole else None
-        start = Start(run.arm, run.state, tolerance, self._shared.duration, system, request)
+        start = Start(run.arm, run.state, tolerance, self._shared.duration, system)
         return choose_by_work(choice, start)
 
     def _carry(self, group: Group, looser: float = 1.0) -> None:
         first, histories = group.ready[0], [run.drive for run in group.ready]
         drive = drive_of_runs(first.arm, histories, first.loads)
-        self._stepper(group, group.looser * looser).advance(
-            group.method, drive, group.runs, MOST_STEPS
-        )
+        self._stepper(group, looser).advance(group.method, drive, group.runs, MOST_STEPS)
         group.carried = {}
 
     def _verified(self, group: Group, done: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -403,21 +392,17 @@ class OpenLanes(Lanes):
         if not far:
             return done
         compared = [group.ready[k] for k in far]
-        method = group.method, group.looser
-        others = self._begin(method, group.sizes, compared, group.runs.fastest[far])
+        others = self._begin(group.method, group.sizes, compared, group.runs.fastest[far])
         self._carry(others, LOOSER)
         repeated = []
         for row, place in enumerate(far):
             if others.runs.status[row] != Status.DONE:
-                if group.looser > 1.0:
-                    repeated.append(place)
                 continue
             group.runs.counts[place, EVALUATIONS] += others.runs.counts[row, EVALUATIONS]
             arm, request = compared[row].arm, request_of(self._settings, compared[row].arm)
             assert request is not None
             error = growth_error(arm, group.samples(place), others.samples(row))
-            missed = bool(error.max(initial=0.0) > request)
-            if missed if group.looser > 1.0 else repeats_growth(error, request):
+            if repeats_growth(error, request):
                 repeated.append(place)
             group.carried[place] = doubt_of_growth(arm, self._times, error, request)
         return np.setdiff1d(done, repeated)
@@ -425,8 +410,6 @@ class OpenLanes(Lanes):
     def _is_compared(self, group: Group, place: int) -> bool:
         """Return whether a run at the default accuracy is compared with another one."""
         arm, samples = group.ready[place].arm, group.samples(place)
-        if group.looser > 1.0:
-            return True
         if self._settings.accuracy is not None or request_of(self._settings, arm) is None:
             return False
         constants, unit = constants_with(arm, ()), group.unit(place)

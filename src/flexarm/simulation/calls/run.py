@@ -142,9 +142,8 @@ def simulate(
         ``events`` also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1
         falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is
         "duration", "failure" or the name of the event that ended the run. The attribute
-        ``accuracy`` (m) is absent if tolerances decide. If a second run
-        verified it, and always with the argument ``accuracy``, the attribute
-        ``integration_error`` (m, at the tip) is its estimated error. With ``changes``
+        ``accuracy`` (m) is absent if tolerances decide. With the argument ``accuracy`` the
+        attribute ``integration_error`` (m, at the tip) is its estimated error. With ``changes``
         also ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and
         ``change_energy`` (J, of the arm) over ``change``; the attribute ``arm`` describes the arm
         at the start.
@@ -204,7 +203,7 @@ def _warned(situation: Situation) -> xr.Dataset:
     with Meter("simulating", situation.settings.progress) as meter:
         result, notices = _executed(meter, situation)
         doubt = ""
-        if situation.settings.accuracy is not None and "integration_error" not in result.attrs:
+        if situation.settings.accuracy is not None:
             again = partial(_executed_again, meter, situation)
             result, doubt = with_error(result, situation.settings.accuracy, again)
     if doubt:
@@ -217,12 +216,9 @@ def _warned(situation: Situation) -> xr.Dataset:
     return result
 
 
-def _executed(
-    meter: Meter, situation: Situation, strict: bool = False
-) -> tuple[xr.Dataset, Notices]:
-    """Execute a run; return its result and its warnings. ``strict``: see `Run`."""
+def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
+    """Execute a run; return its result and its warnings."""
     run = situation.new_run(meter)
-    run.strict = strict
     controller = situation.controller
     if controller is None:
         result = _open_loop(run, situation.history_of(run), situation.interpolation)
@@ -246,7 +242,7 @@ def _executed_again(meter: Meter, situation: Situation, accuracy: float) -> xr.D
         )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return _executed(meter, varied, strict=True)[0]
+            return _executed(meter, varied)[0]
     except (FlexarmError, TypeError):
         return None
 
@@ -333,8 +329,6 @@ def _result(
         "ended_by": ended_by,
         "unstable_loop": unstable,
     }
-    if run.error is not None:
-        attributes["integration_error"] = run.error * reach_of(run.first_arm)
     loop = drive if isinstance(drive, ClosedLoop) else None
     given = drive.acting.at(times) if isinstance(drive, ClosedLoop) else drive.at(times)
     channels = channels_of_run(run, given)

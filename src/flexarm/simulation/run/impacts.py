@@ -42,7 +42,7 @@ from flexarm.simulation.run.default_step import default_step
 from flexarm.simulation.run.events import Mark
 from flexarm.simulation.run.integrator_choice import Choice, explicit_work
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.tolerance import TIGHT, reach_of, scaled, share_of_finer
+from flexarm.simulation.run.tolerance import TIGHT, reach_of, share_of_finer
 from flexarm.simulation.run.work import Checkpoints as Checkpoints
 from flexarm.simulation.run.work import run_open_loop
 
@@ -73,8 +73,6 @@ _WRONG = 1e-3
 #: larger by a ratio; and errors over the accuracy above which it is repeated with smaller
 #: tolerances, and above which that cannot help.
 _FAR, _LASTING, LOOSER, _MISSED, _HOPELESS = 2.0 * np.pi, 0.3, 10.0, 3.0, 60.0
-#: Repetitions of a run by the method of order 5, before that of order 8 is cheaper.
-_REPETITIONS = 2
 #: Gap between two contacts, as a part of the reach, below which a point only presses: with force
 #: control it rebounds by up to 6e-4 and errors are below 2e-7 of the reach.
 _LIFTED = 1e-3
@@ -101,7 +99,7 @@ def run_through_impacts(
         _compare_with_looser(run, beginning, allowed)
     elif stops or (impacts and not _agrees_with_looser(run, beginning, allowed)):
         _tighten(run, beginning)
-    elif not impacts and run.request is not None and _is_compared(run):
+    elif not impacts and run.request is not None and run.settings.accuracy is None:
         _compare_growth(run, beginning, run.request)
     return beginning
 
@@ -112,12 +110,7 @@ def run_to_slips(
     """Simulate under a torque; repeat the run with steps that end at its breaks to find slips."""
     history = history_of(run.tolerance.relative)  # also sets the start of prescribed joints
     beginning = Beginning.of(run, history_of, checkpoints)
-    try:
-        run_open_loop(run, history, checkpoints)
-    except SimulationError:
-        if run.choice.looser == 1.0:
-            raise
-        _execute_strictly(run, beginning)
+    run_open_loop(run, history, checkpoints)
     if misses_slip(run):
         beginning.history_of = partial(stopping_at_breaks, history_of)
         beginning.repeat(run, 1.0)
@@ -270,47 +263,17 @@ def _compare_growth(run: Run, beginning: Beginning, request: float) -> None:
     """Compare a run whose errors may grow with a looser one, and repeat it or warn."""
     constants, count = constants_with(run.arm, run.prescribed), run.progress.sample
     unit, times = run.tolerance.unit, run.sample_times
-    verified, first = run.choice.looser > 1.0, beginning
-    if verified:
-        beginning = replace(beginning, choice=run.choice, tolerance=run.tolerance)
-    elif not may_grow(run.integrator.name, run.samples[:count], constants, unit, times):
+    if not may_grow(run.integrator.name, run.samples[:count], constants, unit, times):
         return
     other = _second(run, beginning, tolerance=scaled(run.tolerance, LOOSER))
     if other is None:
-        if verified:
-            _execute_strictly(run, first)
         return
     error = growth_error(run.arm, run.samples[:count], other.samples[: other.progress.sample])
-    allowed = request if verified else _MISSED * request
-    factor = 1.0
-    for _ in range(_REPETITIONS if verified else 1):
-        if not allowed < error.max(initial=0.0) < _HOPELESS * request:
-            break
-        before, factor = run.samples[: run.progress.sample], factor / LOOSER
-        if not beginning.improves(run, factor, factor * beginning.tolerance.relative):
-            break
-        error = growth_error(run.arm, run.samples[: run.progress.sample], before)
-    if verified and error.max(initial=0.0) > allowed:
-        _execute_strictly(run, first)
-        if _is_compared(run):
-            _compare_growth(run, first, request)
-        return
-    run.error = float(error.max(initial=0.0))
+    if repeats_growth(error, request):
+        before, factor = run.samples[:count], 1.0 / LOOSER
+        if beginning.improves(run, factor, factor * beginning.tolerance.relative):
+            error = growth_error(run.arm, run.samples[: run.progress.sample], before)
     run.doubt = joined(run.doubt, doubt_of_growth(run.arm, times, error, request))
-
-
-def _is_compared(run: Run) -> bool:
-    """Return whether a run is compared with a second one; with an accuracy, its caller does so."""
-    return run.settings.accuracy is None or run.choice.looser > 1.0
-
-
-def _execute_strictly(run: Run, beginning: Beginning) -> None:
-    """Repeat a run at the tolerances of its beginning, which needs no verification."""
-    assert beginning.history_of is not None
-    beginning.restore(run, beginning.choice, beginning.tolerance)
-    run.strict = True
-    history = beginning.history_of(beginning.tolerance.relative)
-    run_open_loop(run, history, beginning.checkpoints)
 
 
 def growth_error(arm: Arm, samples: FloatArray, others: FloatArray) -> FloatArray:
@@ -407,6 +370,12 @@ class Beginning:
         """Return a run from the same beginning that only verifies ``run``: it logs no events."""
         progress, samples = Progress(0.0, self.state.copy(), 0.0), np.empty_like(run.samples)
         return replace(run, progress=progress, samples=samples, watch=None, **changed)
+
+
+def scaled(tolerance: Tolerance, factor: float) -> Tolerance:
+    """Return a tolerance multiplied by ``factor``."""
+    absolute, relative = factor * tolerance.absolute, factor * tolerance.relative
+    return tolerance._replace(absolute=absolute, relative=relative)
 
 
 def _choice_of_repetition(run: Run, beginning: Beginning, factor: float) -> Choice:

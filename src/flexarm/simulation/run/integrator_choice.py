@@ -63,7 +63,6 @@ class Choice(NamedTuple):
     open: bool = False  # "auto" without a step: the work of the run may still change the choice
     insisted: bool = False  # an integrator object, which is used whatever its work
     work: float = 0.0  # estimated evaluations of an open-loop run
-    looser: float = 1.0  # its tolerances over those of the run; above 1 for a run that is verified
 
 
 def check_integrator(

@@ -52,7 +52,6 @@ def run_accurately(
         return
     fine = tolerance._replace(absolute=_REPEATED * tolerance.relative * motion)
     beginning.restore(run, beginning.choice, fine)
-    run.strict = True
     run_through_impacts(run, history_of, checkpoints)
     if not default:
         run.doubt = run.doubt or _doubt(tolerance, run, first, motion)

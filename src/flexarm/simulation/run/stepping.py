@@ -161,8 +161,6 @@ class Run:
     notices: Notices = field(default_factory=list)  # warnings of the result
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     request: float | None = None  # error over the reach; None if tolerances are given
-    error: float | None = None  # of the tip over the reach, estimated by a second run
-    strict: bool = False  # whether tolerances are never looser than stated, also if verified
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
     environment: Environment = EMPTY  # source of ``loads``

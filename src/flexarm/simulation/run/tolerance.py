@@ -7,9 +7,6 @@ because its steps are limited by stability: 18 undamped links under a step of fo
 0.05 of the request. That of order 5, which stiff arms get, adds the errors of all steps where
 vibrations have no damping: on the same links by 0.7 of the request in the median, by 4 at most.
 A run whose joints turn far or whose vibrations last is therefore compared with another one.
-
-Where the method of order 5 needs far fewer evaluations at the accepted error than that of order 8
-at this tolerance, a run has larger tolerances, and a second one verifies it (`work`).
 """
 
 from __future__ import annotations
@@ -27,8 +24,8 @@ from flexarm.simulation.histories.loads import constants_with
 
 #: Weight of a mode's own amplitude: a mode that hardly moves the tip still bends the link.
 _INTERIOR = 0.1
-#: Default relative tolerance of runs that are not verified. The default absolute tolerance is this
-#: share of it, times the reach.
+#: Default relative tolerance: tip errors are near 1e-6 of the reach over the durations of the
+#: examples. The default absolute tolerance is this share of it, times the reach.
 RTOL, _SHARE = 1e-7, 1e-2
 #: Factor from the default tolerances to those of the second run through impacts on joint stops.
 TIGHT = 1e-5
@@ -68,12 +65,6 @@ def for_arm(tolerance: Tolerance, arm: Arm, state: FloatArray, horizon: float) -
     """Return a tolerance with the units and the highest frequency of another arm or state."""
     fastest = max(fastest_frequency(arm, state), 1.0 / horizon)
     return tolerance._replace(unit=tip_units(arm, tolerance.scale, horizon), fastest=fastest)
-
-
-def scaled(tolerance: Tolerance, factor: float) -> Tolerance:
-    """Return a tolerance multiplied by ``factor``."""
-    absolute, relative = factor * tolerance.absolute, factor * tolerance.relative
-    return tolerance._replace(absolute=absolute, relative=relative)
 
 
 def reach_of(arm: Arm) -> float:

@@ -21,7 +21,6 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.integrate import Integrator, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Status, System, Tolerance
-from flexarm.model import Joint
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.integrator_choice import (
     Choice,
@@ -30,13 +29,11 @@ from flexarm.simulation.run.integrator_choice import (
     settling,
 )
 from flexarm.simulation.run.stepping import Run, system_of
-from flexarm.simulation.run.tolerance import RTOL, scaled
+from flexarm.simulation.run.tolerance import RTOL
 
 #: Explicit work above which a trial is made. Below, a run takes some milliseconds, and a second
 #: method would have to be compiled.
 _WORTH_A_TRIAL = 5_000.0
-#: The same for the trial of a run that is verified.
-_WORTH_VERIFYING = 2_000.0
 #: Steps of the first round of a trial; the part of the explicit work, and the evaluations, that all
 #: rounds may take. Steps lengthen while vibrations decay, so that a shorter trial overestimates the
 #: work: of 20 stiff random arms, three then took five to eleven times the work of the other method.
@@ -44,11 +41,6 @@ _FIRST_ROUND, _SHARE, _LONGEST_TRIAL = 12, 0.2, 2e5
 #: The implicit method is chosen if its work is less than this part of the explicit work: at equal
 #: tolerances its error is a hundred times as large, at equal error it takes 2.5 times as much.
 _CHEAPER = 1.0 / 3.0
-#: Relative tolerances of the implicit method over the accepted error in a run that is compared with
-#: a second one, and in that and its trial; and the work of the trial over the explicit work up to
-#: which both runs take a third of the evaluations that the explicit method takes at the tolerances
-#: of all runs (eight of 60 random arms, and the arm of Table I; 0.02 to 0.5).
-_VERIFIED, _TRIED, _WORTHWHILE = 2.0, 20.0, 0.4
 #: A trial ends early if its estimate exceeds the explicit work by this factor: the first steps
 #: overestimate the work by up to 20, because vibrations have not decayed yet.
 _DEARER = 5.0
@@ -81,7 +73,6 @@ class Start(NamedTuple):
     tolerance: Tolerance
     duration: float  # s
     system: Callable[[], System]  # creates one for a trial, with loads of its own
-    request: float | None = None  # error over the reach, if the run is verified
 
 
 def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choice:
@@ -92,15 +83,6 @@ def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choi
     size = start.state[0].size
     implicit = np.inf
     switch = choice.open and not isinstance(choice.integrator, KennedyCarpenter5)
-    if switch and explicit > _WORTH_VERIFYING:
-        looser, implicit = _verifiable(start, explicit)
-        if looser > 1.0:
-            reason = (
-                "order 5 with bending implicit: far fewer evaluations at the accepted error, which "
-                "a comparison with larger tolerances verifies"
-            )
-            verified = choice._replace(reason=reason, open=False, looser=looser, work=implicit)
-            return verified._replace(integrator=_implicit(start))
     if explicit > _WORTH_A_TRIAL and (switch or explicit * size > _LONG):
         implicit = implicit_work(start, explicit)
     if switch and implicit < _CHEAPER * explicit:
@@ -115,26 +97,6 @@ def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choi
     return choice._replace(work=work)
 
 
-def _verifiable(start: Start, explicit: float) -> tuple[float, float]:
-    """Return the ratio by which tolerances of the implicit method are larger, and its work.
-
-    The ratio is 1 if the explicit method is to be tried. Errors of the implicit one vary by a
-    factor of 20 among arms, so that the run has to be compared with a second one.
-    """
-    if start.request is None or any(map(_pushes, start.arm.spec.joints)):
-        return 1.0, np.inf
-    relative = start.tolerance.relative
-    loose = start._replace(tolerance=scaled(start.tolerance, _TRIED * start.request / relative))
-    work = implicit_work(loose, explicit)
-    worthwhile = work < _WORTHWHILE * explicit
-    return (max(1.0, _VERIFIED * start.request / relative) if worthwhile else 1.0), work
-
-
-def _pushes(joint: Joint) -> bool:
-    """Return whether a joint has friction, stops or backlash, which may amplify errors."""
-    return bool(joint.friction or joint.limits or joint.backlash > 0.0)
-
-
 def choose_by_samples(
     choice: Choice,
     arm: Arm,
@@ -146,7 +108,8 @@ def choose_by_samples(
     """Return the integrator of a sampled loop, whose torques are not known in advance."""
     if choice.insisted:
         return choice
-    rough = rough or any(map(_pushes, arm.spec.joints))
+    pushing = ((one.friction, one.limits, one.backlash) for one in arm.spec.joints)
+    rough = rough or any(own or stops or slack > 0.0 for own, stops, slack in pushing)
     limit = _SAMPLED * max(1.0, (RTOL / tolerance.relative) ** 0.2)
     phase = choice.fastest * sample_time
     if choice.open and phase > (_SAMPLED_ROUGH if rough else min(limit, _SAMPLED_ROUGH)):
@@ -269,20 +232,12 @@ def choose(run: Run, history: PiecewiseCubic) -> None:
     stops = np.concatenate([run.loads.stops_with(history), changed])
     choice = choose_by_drive(run.choice, run.arm, stops, run.duration)
     system = partial(system_of, run.arm, run.prescribed, run.loads, history)
-    start = Start(run.arm, run.progress.state, run.tolerance, run.duration, system, _verified(run))
+    start = Start(run.arm, run.progress.state, run.tolerance, run.duration, system)
     ends = run.watch is not None and any(event.terminal for event in run.watch.log.events)
     choice = choose_by_work(choice, start, open_end=ends or run.changes is not None)
     if choice is not run.choice:
-        # Repetitions of a run have its tolerances already.
-        run.tolerance = scaled(run.tolerance, choice.looser / run.choice.looser)
         run.adopt(choice)
         run.doubt = choice.doubt
-
-
-def _verified(run: Run) -> float | None:
-    """Return the accepted error over the reach if the run may be compared with a second one."""
-    whole = run.watch is None and run.changes is None and not run.loads.placed.contacts.body.size
-    return run.request if whole and not run.strict else None
 
 
 def run_open_loop(
