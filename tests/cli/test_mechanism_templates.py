@@ -32,3 +32,13 @@ def test_unknown_mechanism_is_an_error(tmp_path):
     assert answer.exit_code == 2
     assert "--mechanism must be one of four-bar" in answer.stderr
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(("kind", "advised"), [("free-flyer", False), ("gantry", True)])
+def test_check_names_converged_only_for_arms_that_it_accepts(kind, advised, tmp_path):
+    invoke("init", str(tmp_path / kind), "--mechanism", kind)
+    answer = invoke("check", str(tmp_path / kind / "scenario.yaml"))
+    assert answer.exit_code == 0
+    assert ("fa.converged" in answer.stdout) == advised
+    features = fa.load_arm(str(tmp_path / kind / "arm.yaml")).spec.features
+    assert advised == {"branches", "closures"}.isdisjoint(features)

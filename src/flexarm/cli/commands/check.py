@@ -145,7 +145,8 @@ def _about_vibration(
         if sample_time is not None:
             text += f"; this one has {1e3 * sample_time:g} ms"
         rows.append(("sample time", text))
-    if any(link.flexible for link in arm.spec.links):
+    refused = {"branches", "closures"}.intersection(arm.spec.features)
+    if any(link.flexible for link in arm.spec.links) and not refused:
         rows.append(("mesh", "fa.converged(arm, duration) finds the modes that a run needs"))
     return rows
 
