@@ -53,7 +53,7 @@ def rows() -> Iterator[tuple[str, float, float]]:
     """Yield name, largest error (m) and time (s)."""
     finest = prepared(*FINEST)()
     entries: list[tuple[str, Callable[[], Callable[[], np.ndarray]]]] = [
-        (f"flexarm, {k} segments of {m} modes, rtol {rtol:g}", partial(prepared, k, m, rtol))
+        (f"flexarm, segments a link {k}, modes {m}, rtol {rtol:g}", partial(prepared, k, m, rtol))
         for k, m, rtol in SETTINGS
     ]
     if find_spec("exudyn") is None:

@@ -196,7 +196,8 @@ The goal is {long_chain.GOAL:g} times the speed of MuJoCo at the same error or l
 A crank of 0.3 m starts with 12 rad/s; coupler and rocker are 0.9 and 0.7 m. All bars have 200 N m²
 and 0.5 kg/m and swing under gravity for one second. The error is that of the rocker's tip from
 {_finest()}, which the [gallery](../gallery/mechanisms.md) compares with
-Exudyn. Times are those of whole calls of `simulate`, and of the solver of Exudyn. The goal is
+Exudyn. Links of flexarm do not stretch; those of Exudyn do, by as much as a steel rod. Times are
+those of whole calls of `simulate`, and of the solver of Exudyn. The goal is
 {closed_loop.GOAL:g} times the speed of Exudyn at equal error.
 `python -m benchmarks.closed_loop` prints this table alone.
 

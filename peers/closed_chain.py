@@ -101,6 +101,8 @@ def _bar(system, case, length, elements, straight, motion) -> list[int]:  # type
     """Add a bar from its start and direction, with its velocity; return its nodes."""
     import exudyn.itemInterface as items
 
+    from peers.exudyn_arm import add_cable
+
     (place, along), (speed, across) = straight, motion
     nodes = [
         system.AddNode(
@@ -112,16 +114,7 @@ def _bar(system, case, length, elements, straight, motion) -> list[int]:  # type
         for s in np.arange(elements + 1) / elements
     ]
     for pair in pairwise(nodes):
-        cable = items.ObjectANCFCable2D(
-            length=length / elements,
-            massPerLength=case.mass_per_length,
-            bendingStiffness=case.flexural_rigidity,
-            axialStiffness=case.axial_rigidity,
-            nodeNumbers=list(pair),
-        )
-        mass = system.AddMarker(items.MarkerBodyMass(bodyNumber=system.AddObject(cable)))
-        weight = [0.0, -case.gravity, 0.0]
-        system.AddLoad(items.LoadMassProportional(markerNumber=mass, loadVector=weight))
+        add_cable(system, case, length / elements, pair)
     return nodes
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from exudyn.advancedUtilities import CreateSymbolicUserFunction
 
 from peers.arms import TORQUE_ENDS, Case, steps_per_sample
+from peers.closed_chain import ClosedChain
 
 #: Shear rigidity over axial rigidity: of a solid rod of metal, about.
 _SHEAR = 0.4
@@ -88,16 +89,7 @@ def _add_cables(
         )
         for share in np.arange(elements + 1) / elements
     ]
-    cables = []
-    for pair in pairwise(nodes):
-        cable = items.ObjectANCFCable2D(
-            length=length / elements,
-            massPerLength=case.mass_per_length,
-            bendingStiffness=case.flexural_rigidity,
-            axialStiffness=case.axial_rigidity,
-            nodeNumbers=list(pair),
-        )
-        cables.append(_add_heavy(system, case, cable))
+    cables = [add_cable(system, case, length / elements, pair) for pair in pairwise(nodes)]
     ends = (cables[0], 0.0), (cables[-1], length / elements)
     sections = [
         system.AddMarker(items.MarkerBodyRigid(bodyNumber=cable, localPosition=[station, 0.0, 0.0]))
@@ -135,7 +127,21 @@ def _add_exact_link(
     return nodes, [system.AddMarker(items.MarkerNodeRigid(nodeNumber=node)) for node in ends]
 
 
-def _add_heavy(system: exudyn.MainSystem, case: Case, beam: object) -> int:
+def add_cable(
+    system: exudyn.MainSystem, case: Case | ClosedChain, length: float, ends: tuple[int, int]
+) -> int:
+    """Add a cable element with its weight between two nodes."""
+    cable = items.ObjectANCFCable2D(
+        length=length,
+        massPerLength=case.mass_per_length,
+        bendingStiffness=case.flexural_rigidity,
+        axialStiffness=case.axial_rigidity,
+        nodeNumbers=list(ends),
+    )
+    return _add_heavy(system, case, cable)
+
+
+def _add_heavy(system: exudyn.MainSystem, case: Case | ClosedChain, beam: object) -> int:
     """Add an element with its weight."""
     number: int = system.AddObject(beam)
     mass = system.AddMarker(items.MarkerBodyMass(bodyNumber=number))

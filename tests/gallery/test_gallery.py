@@ -84,6 +84,17 @@ def test_cases_have_different_names() -> None:
         assert (ROOT / case.module).exists(), case.module
 
 
+def test_index_lists_every_case_with_its_quantities_and_the_readme_their_number() -> None:
+    index = (FOLDER / "index.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| \[(.*?)\]\(.*?\) \| (\d+) \|", index, flags=re.MULTILINE)
+    counts = {case.title: str(len(committed_rows(case))) for case in CASES}
+    assert dict(rows) == counts
+    total = sum(map(int, counts.values()))
+    assert f"{total} quantities of {len(CASES)} cases" in index
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"compares {total} reference values" in readme
+
+
 ROW = Row("length", "m", Source("ruler", "A ruler."), 2.0, 2.0 + 1e-5, 5.0, "a thick pencil")
 
 

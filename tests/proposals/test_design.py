@@ -232,6 +232,23 @@ def test_the_hardware_of_the_machine_replaces_the_typical_drive():
     assert limited.hardware.motors.torque_limit == pytest.approx([2.0])
 
 
+def test_a_delay_of_many_sample_times_is_refused():
+    needs = needs_of(one_link(), "hold")
+    slow = fa.Hardware(motors=fa.Motors(delay=199.0 * needs.sample_time))
+    assert needs_of(one_link(), "hold", hardware=slow).delay == pytest.approx(0.199)
+    slower = fa.Hardware(motors=fa.Motors(delay=0.5))
+    with pytest.raises(fa.InputError, match=r"at most 0\.2 s \(200 sample times\), got 0\.5 s"):
+        needs_of(one_link(), "hold", hardware=slower)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("limit", "weak"), [(0.01, True), (20.0, False)])
+def test_the_reasons_name_motors_that_are_too_weak(limit, weak):
+    options = {"computing": "low", "torque_limit": limit, "progress": False}
+    proposal = fa.design(one_link(), "point_to_point", **options)
+    assert any("motor is at its limit" in reason for reason in proposal.reasons) == weak
+
+
 def test_the_typical_drive_has_an_encoder_a_filter_and_a_delay():
     needs = needs_of(one_link(), "hold")
     encoder, gauges = needs.hardware.instruments

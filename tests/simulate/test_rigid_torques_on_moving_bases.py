@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 import flexarm as fa
 from closed_mechanisms import cooperating_arms
+from flexarm.motion.dynamics.base_motion import BaseMotion
 
 MASS, LENGTH = 0.4, 0.8
 ROD = fa.Link(length=LENGTH, mass_per_length=MASS / LENGTH, flexible=False)
@@ -55,6 +56,16 @@ def test_the_rigid_mechanism_follows_the_motion_under_its_torques(name):
     np.testing.assert_allclose(run.joint_angle.values, motion.joint_angle(times), atol=5e-7)
     np.testing.assert_allclose(run.base_position.values, torque.base_position(times), atol=1e-8)
     assert np.ptp(run.base_position.values, axis=0).max() > 0.01
+
+
+def test_a_base_that_cannot_be_followed_is_an_error(monkeypatch):
+    # Otherwise the base would stay at its start beyond the path that the solver found.
+    arm = BASES["free"]
+    motion = fa.joint_motion(arm, ANGLES, ANGLES + MOVES, 1.2)
+    torque = fa.rigid_torque(arm, motion)
+    monkeypatch.setattr(BaseMotion, "_slope", lambda self, t, state: np.full(state.size, np.nan))
+    with pytest.raises(fa.InputError, match="motion of the base cannot be followed beyond t = 0 s"):
+        torque.base_position(0.5)
 
 
 def test_the_momentum_of_a_free_flyer_is_zero():

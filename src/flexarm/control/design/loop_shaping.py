@@ -107,8 +107,8 @@ def sampled_growth(
     The torques act ``late`` samples later.
     """
     A, B, C, D = controller
-    own, pushed, shown = delayed(*held(model.A, model.B, sample_time), model.C, late)
-    loop = np.block([[own + pushed @ D @ shown, pushed @ C], [B @ shown, A]])
+    plant, pushed, shown = delayed(*held(model.A, model.B, sample_time), model.C, late)
+    loop = np.block([[plant + pushed @ D @ shown, pushed @ C], [B @ shown, A]])
     return float(np.log(np.abs(np.linalg.eigvals(loop)).max())) / sample_time
 
 

@@ -100,11 +100,12 @@ class MinimalCoordinates:
 
         Each one begins at the passive joints of the nearest one before.
         """
-        found = [self.closed(posture)]
+        postures = [self.closed(posture)]
         for other in others:
-            nearest = min(found, key=lambda one: float(np.sum((one - other)[self.driven] ** 2)))
-            found.append(self.closed(np.where(self.driven, other, nearest)))
-        return np.array(found[1:])
+            apart = np.sum((np.array(postures) - other)[:, self.driven] ** 2, axis=1)
+            near = postures[int(np.argmin(apart))]
+            postures.append(self.closed(np.where(self.driven, other, near)))
+        return np.array(postures[1:])
 
     def at_rest(self, posture: FloatArray, contacts: Sequence[Contact] = ()) -> Equilibrium:
         """Return the equilibrium in a posture (joints,) that the motors hold.
@@ -153,8 +154,8 @@ class MinimalCoordinates:
         if self.chosen.size == self.arm.dof:
             return model
         names, units = state_names(self.arm)
-        theirs = [names.index(name) for name in model.states[: len(model.mass)]]
-        Z = self.basis(rest.q)[theirs]
+        places = [names.index(name) for name in model.states[: len(model.mass)]]
+        Z = self.basis(rest.q)[places]
         mass = Z.T @ model.mass @ Z
         L = np.linalg.solve(mass, Z.T @ model.mass)
         both = np.zeros((2 * len(L), 2 * len(Z)))
@@ -198,7 +199,7 @@ def _drifting(arm: Arm, contacts: Sequence[Contact]) -> FloatArray:
     if loose.size and arm.closure_rows:
         J = arm.closure_jacobian(arm.rest(np.zeros(arm.joints)))
         loose = loose[~np.any(J[:, loose], axis=0)]
-    body = {item.place: item.body for item in arm.assembly.base}
+    body = {coordinate.place: coordinate.body for coordinate in arm.assembly.base}
     damped = [arm.assembly.constants.joint_damping[body[place]] > 0.0 for place in loose]
     return np.asarray(loose[~np.array(damped, dtype=bool)])
 

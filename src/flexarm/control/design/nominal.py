@@ -37,11 +37,12 @@ class FlexibleModel:
 
     Attributes:
         arm: the arm. elastic: (dof - joints,) indices in q of the elastic coordinates, and of the
-            base. unbalanced: number of coordinates on which no motor acts.
+            base. unbalanced: number of coordinates on which no motor acts. strains: (gauges, dof)
+            of `strain_matrix`.
     """
 
     def __init__(self, arm: Arm) -> None:
-        self.arm, self._strains = arm, strain_matrix(arm)
+        self.arm, self.strains = arm, strain_matrix(arm)
         assembly = arm.assembly
         self.elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
         self.unbalanced = self.elastic.size
@@ -127,7 +128,7 @@ class FlexibleModel:
             elif name == "joint_rate":
                 parts.append(qd[:, self.arm.joint_index])
             elif name == "strain":
-                parts.append(q @ self._strains.T)
+                parts.append(q @ self.strains.T)
             else:
                 bent = q[:, self.elastic]
                 tips = [self.tip(at, bend) for at, bend in zip(angle, bent, strict=True)]
@@ -486,10 +487,10 @@ def chord_matrix(arm: Arm) -> FloatArray:
 
     For bending in the lowest modes with locked joints, as many as the gauges determine.
     """
-    model, strains, straight = FlexibleModel(arm), strain_matrix(arm), np.zeros(arm.joints)
-    shapes = modes(arm, straight).shapes[: len(strains)]
+    model, straight = FlexibleModel(arm), np.zeros(arm.joints)
+    shapes = modes(arm, straight).shapes[: len(model.strains)]
     turned = model.chords(straight) @ shapes[:, model.elastic].T
-    rotations: FloatArray = turned @ np.linalg.pinv(strains @ shapes.T)
+    rotations: FloatArray = turned @ np.linalg.pinv(model.strains @ shapes.T)
     return rotations
 
 

@@ -105,14 +105,14 @@ class RigidModel:
             return np.array([self.mass_matrix(one) for one in angle])
         self._state[0, self._bodies, 0] = angle
         self._kernels.call(mass_matrix, self._state, self._kernels.work, self._mass)
-        found: FloatArray = self._mass[self._bodies, 0][:, self._bodies, 0]
+        mass: FloatArray = self._mass[self._bodies, 0][:, self._bodies, 0]
         if self._base is not None:
-            own, coupling = self._base.split(self._base.placed(angle))
-            found = found - coupling.T @ np.linalg.solve(own, coupling)
+            of_base, coupling = self._base.split(self._base.placed(angle))
+            mass = mass - coupling.T @ np.linalg.solve(of_base, coupling)
         if self._actuation is not None:
             P = self._actuation.motions(angle)
-            return np.asarray(P.T @ found @ P)
-        return found.copy()  # in the layout of that of several, for the same rounding of products
+            return np.asarray(P.T @ mass @ P)
+        return mass.copy()  # in the layout of that of several, for the same rounding of products
 
 
 def _free_base(rigid: Arm) -> FollowingBase:

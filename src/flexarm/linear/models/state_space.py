@@ -198,9 +198,10 @@ def state_names(arm: Arm) -> tuple[list[str], list[str]]:
         if seat.twist is not None:
             names[seat.twist], rates[seat.twist] = f"joint_twist[{n}]", f"joint_twist_rate[{n}]"
             units[seat.twist] = "rad"
-    for item in arm.assembly.base:
-        names[item.place], rates[item.place] = f"base_{item.name}", f"base_{item.name}_rate"
-        units[item.place] = "rad" if item.name == "angle" else "m"
+    for coordinate in arm.assembly.base:
+        place, name = coordinate.place, f"base_{coordinate.name}"
+        names[place], rates[place] = name, f"{name}_rate"
+        units[place] = "rad" if coordinate.name == "angle" else "m"
     counts = [0] * arm.links
     for piece in arm.assembly.pieces:
         for place in range(piece.modal.start, piece.modal.stop):

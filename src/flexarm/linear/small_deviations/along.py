@@ -279,7 +279,7 @@ def _sample(model: Separation, times: FloatArray) -> tuple[Reference, Deviation]
     for array, given in zip((q, qd, qdd), motion.state(times), strict=True):
         array[:, arm.joint_index] = given
     if model.base_motion is not None:
-        places = [item.place for item in arm.assembly.base]
+        places = [coordinate.place for coordinate in arm.assembly.base]
         rigid = model.base_motion.following.places
         for array, whole in zip((q, qd, qdd), model.base_motion.states(times), strict=True):
             array[:, places] = whole[:, rigid]

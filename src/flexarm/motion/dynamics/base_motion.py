@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
+from flexarm.base.errors import InputError, Problem
 from flexarm.motion.dynamics.following_base import FollowingBase
 from flexarm.motion.motion import Floats, Motion
 
 #: Relative and absolute errors of the base, in m and rad of an arm with the reach of one metre.
 _RTOL, _ATOL = 1e-10, 1e-12
-#: Longest part of the path after the motion that is computed at once, in durations of the motion.
+#: Least part of the path that is computed at once, in durations of the motion.
 _PART = 1.0
 
 
@@ -39,27 +40,27 @@ class BaseMotion:
         self.following, self.motion = following, motion
         self._start = np.concatenate([start, np.zeros(start.size)])
         self._end, self._state = motion.start_time, self._start
-        self._parts: list[Any] = []
+        self._paths: list[Any] = []
 
     def states(self, times: NDArray[Any]) -> BaseStates:
         """Return coordinates, rates and accelerations (T, dof) at times (T,)."""
         self._extend(float(np.max(times, initial=self._end)))
         base, motion = self._at(times), self.motion.state(times)
         k, following = self._start.size // 2, self.following
-        found = np.zeros((3, times.size, following.arm.dof))
-        found[:, :, following.arm.joint_index] = motion
-        found[0][:, following.places], found[1][:, following.places] = base[:, :k], base[:, k:]
-        found[2] = following.accelerated_many(*found)
-        found[2, times < self.motion.start_time] = 0.0
-        return BaseStates(*found)
+        q, qd, qdd = whole = np.zeros((3, times.size, following.arm.dof))
+        whole[:, :, following.arm.joint_index] = motion
+        q[:, following.places], qd[:, following.places] = base[:, :k], base[:, k:]
+        qdd = following.accelerated_many(q, qd, qdd)
+        qdd[times < self.motion.start_time] = 0.0
+        return BaseStates(q, qd, qdd)
 
     def _at(self, times: NDArray[Any]) -> Floats:
         """Return the base and its rates (T, 2 k) at times within the computed path."""
         values = np.tile(self._start, (times.size, 1))
-        for part in self._parts:
-            inside = (times >= part.t_min) & (times <= part.t_max)
+        for path in self._paths:
+            inside = (times >= path.t_min) & (times <= path.t_max)
             if np.any(inside):
-                values[inside] = part(times[inside]).T
+                values[inside] = path(times[inside]).T
         return values
 
     def _extend(self, until: float) -> None:
@@ -88,7 +89,10 @@ class BaseMotion:
                 dense_output=True,
                 max_step=self.motion.duration / 8.0,
             )
-            self._parts.append(path.sol)
+            if not path.success:
+                rule = f"cannot be followed beyond t = {path.t[-1]:.4g} s: {path.message}"
+                raise InputError(Problem("the motion of the base", rule))
+            self._paths.append(path.sol)
             self._state, self._end = path.y[:, -1], b
 
     def _slope(self, t: float, state: Floats) -> Floats:

@@ -167,8 +167,9 @@ class RigidTorque(MotionTorque):
         positions = np.zeros((times.size, 3))
         if self.base_motion is not None:
             q = self.base_motion.states(times.reshape(-1)).q
-            for item in self.rigid_counterpart.assembly.base:
-                positions[:, ("x", "y", "angle").index(item.name)] = q[:, item.place]
+            for coordinate in self.rigid_counterpart.assembly.base:
+                k = ("x", "y", "angle").index(coordinate.name)
+                positions[:, k] = q[:, coordinate.place]
         return positions.reshape(*times.shape, 3)
 
     def _at(self, times: Floats) -> Floats:

@@ -36,7 +36,7 @@ class FollowingBase:
 
     def __init__(self, arm: Arm) -> None:
         self.arm = arm
-        self.places = np.array([item.place for item in arm.assembly.base], dtype=np.intp)
+        self.places = np.array([base.place for base in arm.assembly.base], dtype=np.intp)
         if any(closure.to_link is None for closure in arm.spec.closures):
             rule = "connect links or the base, because the base moves"
             raise InputError(Problem("arm.closures", rule, "one with the ground"))
@@ -59,8 +59,8 @@ class FollowingBase:
 
     def rates_at_rest(self, q: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the rates of the base (k,) with the momentum zero, at joint rates (joints,)."""
-        own, coupling = self.split(q)
-        return np.asarray(-np.linalg.solve(own, coupling @ rate))
+        mass, coupling = self.split(q)
+        return np.asarray(-np.linalg.solve(mass, coupling @ rate))
 
     def rest(self, joints: FloatArray) -> FloatArray:
         """Return the base (k,) at rest on its springs, with joints (joints,) at rest.
@@ -95,9 +95,9 @@ class FollowingBase:
             pushed[:, place] += 1.0
             columns.append((self.arm.inverse_dynamics_many(q, qd, pushed) - force)[:, rows])
         mass = np.stack(columns, axis=2)
-        found = qdd.copy()
-        found[:, rows] -= np.linalg.solve(mass, force[:, rows, None])[:, :, 0]
-        return found
+        accelerations = qdd.copy()
+        accelerations[:, rows] -= np.linalg.solve(mass, force[:, rows, None])[:, :, 0]
+        return accelerations
 
     def accelerated(self, q: FloatArray, qd: FloatArray, acceleration: FloatArray) -> FloatArray:
         """Return accelerations (dof,) of joints (joints,) and of the base that follows them."""

@@ -325,6 +325,8 @@ _DISTURBED = 0.01
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
 #: Time after the motion under gravity: time constants of the slowest pole, and the most periods.
 _SETTLED, _LONGEST = 6.0, 20.0
+#: Share of a run with a motor at its limit above which the reasons mention it.
+_LIMITED = 0.1
 #: Recorded samples in a period of the lowest frequency.
 _RATE = 150.0
 
@@ -455,6 +457,12 @@ def reasons_of(
         if margins["disk_margin"] < needs.disk_margin:
             text += f" No candidate has the required disk margin of {needs.disk_margin:g}."
         sentences.append(text)
+    share = float(table["saturation"].sel(candidate=chosen).max())
+    if share > _LIMITED:
+        sentences.append(
+            f"A motor is at its limit for {share:.0%} of a run: give the motion more time, or the "
+            "arm stronger motors."
+        )
     return (*sentences, *_advice(needs))
 
 

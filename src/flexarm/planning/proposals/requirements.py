@@ -47,6 +47,9 @@ _PERIODS, _HELD_PERIODS, _RIGID_DURATION = 2.5, 5.0, 2.0
 _HIGHEST_UNCERTAINTY = 0.9
 #: Longest sample time of a candidate, s. It is a time of the computer, not of the arm.
 _SAMPLE_TIME = 0.001
+#: Longest delay of the hardware in sample times: the analysis of the loop has a state for each
+#: joint and sample of it, and takes half a minute and 3 GB for 200 with one joint.
+_MOST_DELAYED = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +80,8 @@ class Requirements:
     @cached_property
     def lowest(self) -> float:
         """Lowest frequency (rad/s) with locked joints at the start; 0 for a rigid arm."""
-        found = modes(self.arm, None if self.of_tip else self.start).frequency_hz
-        found = found[found > 0.0]
-        return float(2.0 * np.pi * found[0]) if found.size else 0.0
+        hertz = modes(self.arm, None if self.of_tip else self.start).frequency_hz
+        return 2.0 * np.pi * float(min(hertz[hertz > 0.0], default=0.0))
 
     @property
     def period(self) -> float:
@@ -186,6 +188,10 @@ def requirements_of(
         check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, bounds),
     )
     drive = machine or typical_hardware(arm, read, needs.sample_time, needs.force)
+    longest = _MOST_DELAYED * needs.sample_time
+    if delay_of(drive) > longest:
+        rule = f"must delay the loop by at most {longest:.3g} s ({_MOST_DELAYED} sample times)"
+        raise InputError(Problem("hardware", rule, f"{delay_of(drive):.3g} s"))
     return replace(needs, hardware=with_torque_limit(arm, drive, limit))
 
 
@@ -197,8 +203,8 @@ def _sensors(arm: Arm, task: str, given: object, hardware: Hardware | None) -> f
     if given is None:
         if measured is not None:
             return frozenset(["joints", *(name for name in READINGS if READINGS[name] in measured)])
-        found = ["gauges"] * bool(arm.gauges) + ["force"] * (task == "force")
-        return frozenset(["joints", *found])
+        usual = ["gauges"] * bool(arm.gauges) + ["force"] * (task == "force")
+        return frozenset(["joints", *usual])
     listed = [given] if isinstance(given, str) else as_list(given)
     if listed is None:
         rule = f"be a list of names ({', '.join(SENSORS)})"

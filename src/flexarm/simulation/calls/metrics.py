@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-#: Range of torques (N m) that rounding causes.
+#: Divisor instead of zero: torques that never change have no activity.
 _NONE = np.finfo(float).tiny
 
 
