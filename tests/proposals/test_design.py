@@ -302,7 +302,8 @@ def test_a_payload_that_is_not_expected_does_not_move_the_tip():
 def scores(**values):
     found = xr.DataArray(list(values.values()), dims=("candidate", "plant"))
     plants = ["nominal", "heavy"][: found.sizes["plant"]]
-    return xr.Dataset({"score": found.assign_coords(candidate=list(values), plant=plants)})
+    score = found.assign_coords(candidate=list(values), plant=plants)
+    return xr.Dataset({"score": score, "saturation": xr.zeros_like(score)})
 
 
 def test_a_stable_candidate_is_proposed_before_an_unstable_one_with_less_error():
