@@ -42,6 +42,8 @@ if find_spec("jax") is not None:
         jax_model,
         {
             "bias_force": {**STATE, **_GIVEN},
+            "closure_forces": {**STATE, "torque": [0.1, 0.2], **_GIVEN},
+            "closure_gaps": {"q": Q, **_GIVEN},
             "energy": {**STATE, **_GIVEN},
             "forward_dynamics": {**STATE, "torque": [0.1, 0.2], **_GIVEN},
             "inverse_dynamics": _MOVING,

@@ -226,7 +226,7 @@ def test_predictions_are_those_of_the_extended_kalman_filter(monkeypatch):
     instruments = [fa.Instrument(name, noise=value) for name, value in NOISE.items()]
     known = fa.ExtendedKalmanFilter(arm, instruments, sample_time=1.0 / RATE, torque_noise=0.1)
     size = 2 * arm.dof + 1
-    known.begin(run._state(arm, case)[0], np.zeros(arm.dof), 0.15, np.zeros((size, size)))
+    known.begin(run.state(arm, case)[0], np.zeros(arm.dof), 0.15, np.zeros((size, size)))
     angle, strain = run.measured.T
     rows = reading_rows(arm, instruments[1])[0, : arm.dof]
     for k in range(len(angle)):

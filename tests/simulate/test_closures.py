@@ -164,10 +164,35 @@ def test_reactions_of_a_run_contain_closure_forces(station: float | None) -> Non
     np.testing.assert_allclose(
         last.closure_force.values, exact.closure_force, rtol=0.0, atol=1e-8 * scale
     )
-    with pytest.raises(fa.InputError, match="joint_reactions is not supported"):
-        arm.joint_reactions(q, qd, exact.acceleration)
-    with pytest.raises(fa.InputError, match="section_forces is not supported"):
-        arm.section_forces(q, qd, exact.acceleration)
+    forces = arm.closure_forces(q, qd, still)
+    reactions = arm.joint_reactions(q, qd, exact.acceleration, closure_forces=forces)
+    np.testing.assert_allclose(reactions[:, :2], exact.joint_force, rtol=0.0, atol=1e-8 * scale)
+    for function in (arm.joint_reactions, arm.section_forces):
+        with pytest.raises(fa.InputError, match="closure_forces is required for an arm with clos"):
+            function(q, qd, exact.acceleration)
+
+
+def test_inverse_dynamics_and_sections_contain_given_closure_forces() -> None:
+    arm, first = start(four_bar(), 2.0)
+    q, qd, torque = first["initial"], first["initial_rate"], [0.3, 0.0, 0.0]
+    qdd = arm.forward_dynamics(q, qd, torque)
+    forces = arm.closure_forces(q, qd, torque)
+    required = arm.inverse_dynamics(q, qd, qdd, closure_forces=forces)
+    # Rounding of accelerations, whose mass matrix has a condition of 1e4 to 1e5.
+    atol = 1e-8 * np.abs(forces).max()
+    applied = np.zeros(arm.dof)
+    applied[arm.joint_index] = torque
+    np.testing.assert_allclose(required, applied, rtol=0.0, atol=atol)
+    without = arm.inverse_dynamics(q, qd, qdd) - arm.closure_jacobian(q).T @ forces
+    np.testing.assert_allclose(required, without, rtol=0.0, atol=atol)
+    sections = arm.section_forces(q, qd, qdd, closure_forces=forces)
+    # The part outboard of the tips of coupler and rocker is the pin.
+    crank, elbow, rocker = arm.joint_angles(q)  # links are straight at the start
+    for link, angle, sign in ((1, crank + elbow, 1.0), (2, rocker, -1.0)):
+        normal, shear, moment = sections[link, -1]
+        turned = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        np.testing.assert_allclose(np.array(turned) @ [normal, shear], sign * forces, atol=atol)
+        assert abs(moment) < atol
 
 
 def test_loops_with_controllers_start_closed() -> None:

@@ -60,18 +60,9 @@ LOOP = fa.Arm(links=[LINK, LINK], closures=[fa.Closure(link=2, kind="line")])
 START = LOOP.rest([0.0, 0.0])
 OF_CLOSURES = {
     "linearize_along": lambda arm: fa.linearize_along(arm, _motion(arm)),
-    "sensitivities": lambda arm: fa.sensitivities(arm, 0.1, parameters=["gravity[1]"]),
-    "goal_gradient": lambda arm: fa.goal_gradient(
-        arm, 0.1, torque=np.zeros((101, 2)), weights={"tip": np.ones((101, 2))}
-    ),
-    "step_jacobian": lambda arm: fa.step_jacobian(arm, START, START, [0.0, 0.0], 1e-3),
     "converged": lambda arm: fa.converged(arm, 0.1),
-    "to_casadi": fa.to_casadi,
-    "to_jax": fa.to_jax,
     "export_c": lambda arm: fa.export_c(arm, "code"),
     "export_mat": lambda arm: fa.export_mat(arm, "arm.mat"),
-    "Arm.joint_reactions": lambda arm: arm.joint_reactions(START, START, START),
-    "Arm.section_forces": lambda arm: arm.section_forces(START, START, START),
 }
 
 

@@ -38,7 +38,7 @@ from flexarm.kernels.layout import Stations, run_time_sizes
 from flexarm.kernels.observation.observables import energies, poses
 from flexarm.kernels.observation.shapes import axis_points, gauge_strains
 from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
-from flexarm.model.arm.spec import serial_only, varied_spec
+from flexarm.model.arm.spec import varied_spec
 from flexarm.model.checks import signature_of
 from flexarm.model.plausible import implausible, warn_of
 
@@ -274,6 +274,7 @@ class Arm(Dynamics):
         loads: Sequence[Load] = (),
         base_acceleration: ArrayLike | None = None,
         contacts: Sequence[Contact] = (),
+        closure_forces: ArrayLike | None = None,
     ) -> FloatArray:
         """Return axial force N, shear force V and bending moment M: (links, stations, 3).
 
@@ -282,16 +283,15 @@ class Arm(Dynamics):
         counter-clockwise; a positive moment bends with v'' > 0. They follow from the balance of
         momentum, not from EI v''. The stations divide each link evenly; values at root and tip
         are those just inside the link, values at a load those inboard of it. Other arguments as in
-        ``inverse_dynamics``; (R.40) to (R.43). Arms with closures raise InputError, as in
-        ``joint_reactions``.
+        ``joint_reactions``; (R.40) to (R.43).
         """
-        serial_only(self.spec, "section_forces", ("closures",))
+        self._require_forces(closure_forces)
         if len(self._cuts) != check_count("stations", stations, 2, MOST_STATIONS):
             self._cuts = cuts_at(self, int(stations))
         given = tip_force, loads, base_acceleration, contacts
         environment = Environment.of(self, *given)
         placed = environment.placed(self)
-        scratch = self._newton_euler(q, qd, qdd, placed)
+        scratch = self._newton_euler(q, qd, qdd, placed, closure_forces)
         motion = scratch.state, scratch.third
         forces = forces_at(self, self._cuts, *motion, environment.loads, placed, scratch.work)
         self._inverse.append(scratch)

@@ -24,8 +24,9 @@ from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.bending import bending_warning
 from flexarm.base.arguments import as_list
 from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call, shown
-from flexarm.kernels.columns import GAP_RATE
+from flexarm.kernels.columns import GAP, GAP_RATE
 from flexarm.kernels.derivatives.sensitivity import STEP, potential_hessian
+from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.closures import ROW_ANGLE, closure_gaps
 from flexarm.model import Contact, Load
 
@@ -269,6 +270,13 @@ def least_forces(arm: Arm, q: FloatArray, force: FloatArray, free: IntArray) -> 
     return np.asarray(np.linalg.lstsq(matrix, weight * force[free], rcond=None)[0] / rows)
 
 
+def sized_gaps(arm: Arm, constants: ArmConstants, state: FloatArray) -> FloatArray:
+    """Return gaps and their rates (rows, 2), of equal size, with other numbers of the arm."""
+    kernels = KernelView(constants)
+    kernels.call(closure_gaps, state, kernels.work)
+    return kernels.work.closure[:, [GAP, GAP_RATE]] / row_sizes(arm)[:, None]
+
+
 def gap_rates_by_q(arm: Arm, q: FloatArray, qd: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the rates of the gaps (rows,) at q and qd, and their derivatives (rows, dof) by q."""
     state = arm.padded(np.stack([q, qd])).astype(complex)
@@ -282,6 +290,23 @@ def gap_rates_by_q(arm: Arm, q: FloatArray, qd: FloatArray) -> tuple[FloatArray,
         flat[place] -= 1j * STEP
         by_q[:, k] = kernels.work.closure[:, GAP_RATE].imag / STEP
     return rates, by_q
+
+
+def by_independent(arm: Arm, state: FloatArray, slope: FloatArray) -> FloatArray:
+    """Return the derivatives (2, dof) of a function of q and qd, along the closures.
+
+    ``slope`` (2, dof) are those without closures, at a ``state`` (2, dof). Dependent coordinates
+    and rates follow the independent ones; derivatives by them are zero.
+    """
+    motions = independent_motions(arm, state[0], np.arange(arm.dof))
+    if motions.basis is None:
+        return slope
+    by_q, by_qd = slope
+    # The rates keep J qd = 0 while q moves.
+    by_q = by_q - by_qd[motions.dependent] @ motions.solver @ gap_rates_by_q(arm, *state)[1]
+    along = np.zeros_like(slope)
+    along[:, motions.independent] = motions.forces(by_q), motions.forces(by_qd)
+    return along
 
 
 def gap_bias(arm: Arm, q: FloatArray, qd: FloatArray) -> FloatArray:

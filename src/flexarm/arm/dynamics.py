@@ -15,7 +15,7 @@ from flexarm.arm.actions import Environment
 from flexarm.arm.assembly.assemble import FloatArray, assemble
 from flexarm.arm.assembly.coordinates import Coordinates, carriers_of
 from flexarm.arm.assembly.kernel_view import KernelView, Pool, Scratch, is_finite, is_plain
-from flexarm.base.errors import check_array, check_result, public_call
+from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call
 from flexarm.kernels.columns import GAP, MULTIPLIER
 from flexarm.kernels.derivatives.sensitivity import STEP, forward_jacobian, potential_hessian
 from flexarm.kernels.layout import Loads, no_loads
@@ -23,7 +23,6 @@ from flexarm.kernels.recursion.closures import ROWS, closure_gaps
 from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
 from flexarm.model import ArmSpec, Contact, Load
-from flexarm.model.arm.spec import serial_only
 
 
 class Derivatives(NamedTuple):
@@ -132,20 +131,24 @@ class Dynamics(Coordinates):
         loads: Sequence[Load] = (),
         base_acceleration: ArrayLike | None = None,
         contacts: Sequence[Contact] = (),
+        closure_forces: ArrayLike | None = None,
     ) -> FloatArray:
         """Return the generalised force (dof,) required for a motion: M qdd + bias.
 
-        It does not contain the forces of closures: subtract ``closure_jacobian(q).T @ forces``.
-
-        Its entries at ``joint_index`` are joint torques (N m). Arguments as in
-        ``forward_dynamics``; theory page "recursion", (R.15) to (R.17).
+        Its entries at ``joint_index`` are joint torques (N m). ``closure_forces`` (closure_rows,)
+        are those of the method of this name, zero by default: the force less
+        ``closure_jacobian(q).T @ closure_forces``. Other arguments as in ``forward_dynamics``;
+        theory page "recursion", (R.15) to (R.17).
         """
         placed = self._outside(tip_force, loads, base_acceleration, contacts)
-        return self._force(q, qd, qdd, placed)
+        return self._force(q, qd, qdd, placed, closure_forces)
 
-    def _force(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, placed: Loads) -> FloatArray:
+    def _force(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, placed: Loads,
+        closure_forces: ArrayLike | None = None,
+    ) -> FloatArray:  # fmt: skip
         """Return the generalised force (dof,) of a motion."""
-        scratch = self._newton_euler(q, qd, qdd, placed)
+        scratch = self._newton_euler(q, qd, qdd, placed, closure_forces)
         force: FloatArray = scratch.work.force.take(self.assembly.coordinates)
         self._inverse.append(scratch)
         return force
@@ -165,9 +168,16 @@ class Dynamics(Coordinates):
         )
         return check_result(self.unpadded(forces), q, qd, qdd)
 
-    def _newton_euler(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, placed: Loads) -> Scratch:
+    def _newton_euler(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, placed: Loads,
+        closure_forces: ArrayLike | None,
+    ) -> Scratch:  # fmt: skip
         """Return scratch with the inverse dynamics in its workspace; the caller must return it."""
+        forces = np.zeros(self.closure_rows)
+        if closure_forces is not None:
+            forces = check_array("closure_forces", closure_forces, forces.shape)
         scratch = self._inverse.take()
+        scratch.set_closure_forces(forces)
         self._place(scratch, q, qd, "qdd", qdd, self._vector)
         force = scratch.inverse_dynamics(scratch.state, scratch.third, placed)
         if not is_finite(force):
@@ -184,17 +194,18 @@ class Dynamics(Coordinates):
         loads: Sequence[Load] = (),
         base_acceleration: ArrayLike | None = None,
         contacts: Sequence[Contact] = (),
+        closure_forces: ArrayLike | None = None,
     ) -> FloatArray:
         """Return the joint reactions on the links at their roots: (links, 3), Fx, Fy, Mz.
 
         World axes, at the joint, N and N m; ``qdd`` from ``forward_dynamics``. The moment of a
-        joint that is not fixed is the sum of the motor torque and the joint's passive torque. Arms
-        with closures raise InputError: a motion does not determine their forces. The channels of a
-        run contain them.
+        joint that is not fixed is the sum of the motor torque and the joint's passive torque. With
+        closures, their forces are required, because a motion does not determine them: those of the
+        method ``closure_forces``.
         """
-        serial_only(self.spec, "joint_reactions", ("closures",))
         placed = self._outside(tip_force, loads, base_acceleration, contacts)
-        scratch = self._newton_euler(q, qd, qdd, placed)
+        self._require_forces(closure_forces)
+        scratch = self._newton_euler(q, qd, qdd, placed, closure_forces)
         work = scratch.work
         angle = np.arctan2(work.rotation[:, 1], work.rotation[:, 0])
         for i, carrier in enumerate(carriers_of(self)):
@@ -205,6 +216,14 @@ class Dynamics(Coordinates):
         world = np.stack([cosine * x - sine * y, sine * x + cosine * y, moment], axis=1)
         self._inverse.append(scratch)
         return np.asarray(world[self.assembly.link_root])
+
+    def _require_forces(self, closure_forces: ArrayLike | None) -> None:
+        """Raise if the forces of closures are required and not given."""
+        if closure_forces is None and self.closure_rows:
+            hint = "arm.closure_forces(q, qd, torque) computes them."
+            raise InputError(
+                Problem("closure_forces", "is required for an arm with closures", hint=hint)
+            )
 
     @property
     def closure_rows(self) -> int:

@@ -38,7 +38,6 @@ from flexarm.identification.space import Slot, Space, check_free, in_words
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
-from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.identification import FreeParameter
 
 #: Distance from a bound at which an estimate counts as being at it, as a fraction of its scale.
@@ -313,7 +312,6 @@ def identifiability(
     check_inputs(given)
     options: dict[str, Any] = {"integrator": integrator, "rtol": rtol, "atol": atol}
     options |= {} if step is None else {"step": step}
-    serial_only(arm.spec, "identification", UNDRIVEN)
     return predicted(arm, given, check_free(free), motors, options)
 
 

@@ -154,6 +154,8 @@ def identify(
         arguments.check_kind("motors", motors, Motors)
     arguments.check_choice("loss", loss, LOSSES)
     disturbed = _check_method(method, torque_noise, loss, arm)
+    if method == "prediction_error":
+        serial_only(arm.spec, "prediction_error", UNDRIVEN)
     touching = arguments.check_list_of("contacts", contacts, Contact)
     if touching and method == "prediction_error":
         rule = "is not supported with contacts"
@@ -175,7 +177,6 @@ def identify(
         name: getattr(method_of_runs, name) for name in ("integrator", "step", "rtol", "atol")
     }
     options |= {"contacts": touching} if touching else {}
-    serial_only(arm.spec, "identification", UNDRIVEN)
     space = Space(arm, motors, parameters, fitted)
     kind = PredictedRun if method == "prediction_error" else RecordRun
     runs = [kind(name, record, arm, options) for name, record in fitted.items()]

@@ -198,7 +198,7 @@ class PredictedRun(RecordRun):
             SampledStep(arm, 1.0 / (self.record.rate * self._parts), reach=_REACH),
             self._held_torques(case),
             np.hstack([self._factors[:, None] * H, self._offsets]),
-            np.concatenate([*self._state(arm, case), np.zeros(self._offsets.shape[1])]),
+            np.concatenate([*self.state(arm, case), np.zeros(self._offsets.shape[1])]),
         )
 
     def _held_torques(self, case: Case) -> FloatArray:

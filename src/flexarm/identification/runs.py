@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.closed import assembled
 from flexarm.base.errors import (
     FlexarmError,
     FlexarmWarning,
@@ -26,7 +27,7 @@ from flexarm.identification.record import (
     place_of,
     without_phase,
 )
-from flexarm.identification.space import Case, Space
+from flexarm.identification.space import Case, Space, leading_joints, start_angles
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium, modes
 from flexarm.simulation.batch.run import simulate_batch
@@ -88,7 +89,7 @@ class RecordRun:
         delay = settings.delays.get(record.input, 0.0)
         self._drive = delayed(history, delay) if delay else history
         self._prescribed = self._prescribed_joints()
-        self._angles = self._start_angles()
+        self._angles, self._held = start_angles(arm, record), leading_joints(arm, record)
 
     def _check(self, arm: Arm) -> None:
         problems: list[Problem] = []
@@ -129,7 +130,7 @@ class RecordRun:
         if record.controller is not None:
             loop = {name: getattr(record, name) for name in ("controller", "reference", "hardware")}
             return common | loop
-        q, qd = self._state(Arm(case.spec), case)
+        q, qd = self.state(Arm(case.spec), case)
         state = {"initial": q, "initial_rate": qd, "prescribed": self._prescribed or None}
         return common | state | {"torque": self._torque(case)}
 
@@ -170,7 +171,7 @@ class RecordRun:
         for k, case in enumerate(cases):
             try:
                 arm = Arm(case.spec)
-                runs[k] = arm, *self._state(arm, case)
+                runs[k] = arm, *self.state(arm, case)
             except FlexarmError as error:
                 outputs[k] = str(error)
         if not runs:
@@ -220,14 +221,19 @@ class RecordRun:
         before = [len(one.gauges) for one in self._arm.spec.links[:link]]
         return sum(before) + gauge + 1
 
-    def _state(self, arm: Arm, case: Case) -> tuple[FloatArray, FloatArray]:
+    def state(self, arm: Arm, case: Case) -> tuple[FloatArray, FloatArray]:
         """Return the initial coordinates and rates (dof,)."""
         angles = self._angles + case.q[arm.joint_index]
-        if self.record.settings.initial == "equilibrium":
+        settled = self.record.settings.initial == "equilibrium"
+        if arm.closure_rows and settled:  # measured angles close the loops nearly
+            angles = assembled(arm, arm.rest(angles), held=self._held).q[arm.joint_index]
+        if settled:
             return equilibrium(arm, angles, contacts=self._options.get("contacts", ())).q, case.qd
         bent = case.q.copy()
         bent[arm.joint_index] = angles
-        return bent, case.qd
+        if not arm.closure_rows:
+            return bent, case.qd
+        return assembled(arm, bent, case.qd, held=self._held)[:2]
 
     def _torque(self, case: Case) -> PiecewiseCubic:
         if self.record.input == "voltage":
@@ -259,17 +265,6 @@ class RecordRun:
             histories[joint] = PrescribedAngle.table(self.times, angles, "free")
         return histories
 
-    def _start_angles(self) -> FloatArray:
-        """Return the joint angles (joints,) at the start, before estimated changes."""
-        settings, arm = self.record.settings, self._arm
-        if settings.initial_angle is not None:
-            return np.array(settings.initial_angle)
-        angles = np.zeros(arm.joints)
-        if "joint_angle" in self.record.data:
-            for label, column in columns_of(self.record.data, ["joint_angle"]).items():
-                angles[place_of(arm, label)] = column[np.isfinite(column)][0]
-        return angles
-
 
 def delayed(history: PiecewiseCubic, delay: float) -> PiecewiseCubic:
     """Return a history that is later by ``delay`` (s), with its first value before that."""
@@ -292,7 +287,8 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
         arm = Arm(case.spec)
         with warnings.catch_warnings():  # the fit does not use this model
             warnings.simplefilter("ignore", FlexarmWarning)
-            frequency = modes(arm).frequency_hz
+            place = run.state(arm, case)[0] if arm.closure_rows else None
+            frequency = modes(arm, q=place).frequency_hz
         frequency = frequency[frequency > 0.0]
         if not frequency.size:
             continue

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.closed import assembled, independent_motions
 from flexarm.base.errors import InputError, Problem, problems_of, shown
 from flexarm.control.design.arm_scales import size_of_zero, typical_rate
-from flexarm.identification.record import Label, MeasuredRecord, columns_of
+from flexarm.identification.record import Label, MeasuredRecord, columns_of, place_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Motors
 from flexarm.model.identification import FreeParameter
@@ -197,10 +198,10 @@ def _initial_slots(
         values = 0.0, -np.inf, np.inf, scale, 0.0, deviation
         slots.append(Slot(path, index, f"{path} ({name})", *values))
 
-    in_motion = settings.initial == "estimate"
+    in_motion, led = settings.initial == "estimate", leading_joints(arm, record)
     measured = columns_of(record.data, ["joint_angle"]) if "joint_angle" in record.data else {}
     for joint, place in zip(arm.joint_numbers.tolist(), arm.joint_index.tolist(), strict=True):
-        if joint in settings.prescribed:
+        if joint in settings.prescribed or joint not in led:
             continue
         if in_motion or (
             settings.initial_angle is None and Label("joint_angle", joint) in measured
@@ -213,6 +214,26 @@ def _initial_slots(
             add("q", place, amplitude, amplitude)
             add("qd", place, amplitude * frequency, amplitude * frequency)
     return slots
+
+
+def start_angles(arm: Arm, record: MeasuredRecord) -> FloatArray:
+    """Return the joint angles (joints,) at the start, before estimated changes."""
+    if record.settings.initial_angle is not None:
+        return np.array(record.settings.initial_angle)
+    angles = np.zeros(arm.joints)
+    if "joint_angle" in record.data:
+        for label, column in columns_of(record.data, ["joint_angle"]).items():
+            angles[place_of(arm, label)] = column[np.isfinite(column)][0]
+    return angles
+
+
+def leading_joints(arm: Arm, record: MeasuredRecord) -> list[int]:
+    """Return the numbers of the joints that the others follow in a closed mechanism; or all."""
+    if not arm.closure_rows:
+        return [int(number) for number in arm.joint_numbers]
+    q = assembled(arm, arm.rest(start_angles(arm, record))).q
+    free = independent_motions(arm, q, np.arange(arm.dof)).independent
+    return [int(number) for number in arm.joint_numbers[np.isin(arm.joint_index, free)]]
 
 
 def _modes(arm: Arm) -> list[tuple[int, float, float]]:

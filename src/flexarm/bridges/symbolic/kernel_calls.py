@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 from flexarm.arm.actions import place_loads, tip_load
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.arm.assembly.coordinates import check_joint
+from flexarm.arm.assembly.coordinates import carriers_of, check_joint
 from flexarm.arm.stations import place_gauges
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, shown
+from flexarm.kernels.columns import GAP, MULTIPLIER
 from flexarm.kernels.compilation.cache import undecorated
 from flexarm.kernels.compilation.numbers import tanh
 from flexarm.kernels.controller_terms.tip_motion import tip_motion
@@ -42,11 +43,11 @@ from flexarm.kernels.observation.observables import POSE_COLUMNS, energies, pose
 from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
 from flexarm.kernels.observation.shapes import gauge_strains
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
+from flexarm.kernels.recursion.closures import closure_gaps
 from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.parameters import constants_at, same_arrays
-from flexarm.model.arm.spec import serial_only
 from flexarm.model.paths import number_at, number_paths, with_number
 
 #: Array of objects: `Scalar` objects and numbers.
@@ -167,6 +168,15 @@ class Scalar:
             raise SymbolError("uses the number of a symbol, for example in a condition")
         return float(self.value)
 
+    @property
+    def real(self) -> Scalar:
+        """The scalar, which has no imaginary part."""
+        return self
+
+    def __round__(self) -> Scalar:
+        """Return the nearest whole number, from below at a half."""
+        return self._new(self.library.floor(self.value + 0.5))
+
     def __bool__(self) -> bool:
         """Return the truth value; without this method, every symbol would silently be true."""
         decide = choose.get()
@@ -270,24 +280,42 @@ class KernelCalls:
         self, q: Objects, qd: Objects, torque: Objects, tip_force: Force = None
     ) -> Objects:
         """Return qdd (dof,); the entry of a prescribed joint in ``torque`` is its acceleration."""
+        return self.arm.unpadded(self._moved(q, qd, torque, tip_force).acceleration)
+
+    def closure_forces(
+        self, q: Objects, qd: Objects, torque: Objects, tip_force: Force = None
+    ) -> Objects:
+        """Return the forces of closures (closure_rows,)."""
+        return np.asarray(self._moved(q, qd, torque, tip_force).closure[:, MULTIPLIER])
+
+    def closure_gaps(self, q: Objects) -> Objects:
+        """Return how far the loops are from closed (closure_rows,)."""
+        work = self._work()
+        symbolic(closure_gaps)(self._sizes, self.constants, self._state(q, _zeros(q)), work)
+        return np.asarray(work.closure[:, GAP])
+
+    def _moved(self, q: Objects, qd: Objects, torque: Objects, tip_force: Force) -> Workspace:
+        """Return the workspace after forward dynamics."""
         constants = self.constants._replace(body=self.constants.body.copy())
         constants.free[:] = self.free
         work, drive = self._work(), self.arm.padded_torque(torque)
         state, loads = self._state(q, qd), self._loads(tip_force)
         symbolic(forward_dynamics)(self._sizes, constants, state, drive, loads, work)
-        return self.arm.unpadded(work.acceleration)
+        return work
 
     def inverse_dynamics(
-        self, q: Objects, qd: Objects, qdd: Objects, tip_force: Force = None
-    ) -> Objects:
-        """Return the generalised force M qdd + bias (dof,)."""
-        return self.arm.unpadded(self._newton_euler(q, qd, qdd, tip_force).force)
+        self, q: Objects, qd: Objects, qdd: Objects, tip_force: Force = None,
+        closure_forces: Force = None,
+    ) -> Objects:  # fmt: skip
+        """Return the generalised force M qdd + bias (dof,), less that of closures."""
+        return self.arm.unpadded(self._newton_euler(q, qd, qdd, tip_force, closure_forces).force)
 
     def residual(
-        self, q: Objects, qd: Objects, qdd: Objects, torque: Objects, tip_force: Force = None
-    ) -> Objects:
+        self, q: Objects, qd: Objects, qdd: Objects, torque: Objects, tip_force: Force = None,
+        closure_forces: Force = None,
+    ) -> Objects:  # fmt: skip
         """Return M qdd + bias - torque (dof,)."""
-        force = self.inverse_dynamics(q, qd, qdd, tip_force)
+        force = self.inverse_dynamics(q, qd, qdd, tip_force, closure_forces)
         force[self.arm.joint_index] -= torque
         return force
 
@@ -296,18 +324,23 @@ class KernelCalls:
         return self.inverse_dynamics(q, qd, _zeros(q))
 
     def joint_reactions(
-        self, q: Objects, qd: Objects, qdd: Objects, tip_force: Force = None
-    ) -> Objects:
+        self, q: Objects, qd: Objects, qdd: Objects, tip_force: Force = None,
+        closure_forces: Force = None,
+    ) -> Objects:  # fmt: skip
         """Return force and moment on each link at its root: (links, 3), Fx, Fy, Mz, world axes."""
-        work = self._newton_euler(q, qd, qdd, tip_force)
+        work = self._newton_euler(q, qd, qdd, tip_force, closure_forces)
         world = np.zeros((len(work.wrench), 3), dtype=object)
-        cosine, sine = 1.0, 0.0
+        turns: list[tuple[Any, Any]] = []
+        carriers = carriers_of(self.arm)
         for i, (turn_cosine, turn_sine) in enumerate(work.rotation):
+            carrier = carriers[i]
+            cosine, sine = turns[carrier] if carrier >= 0 else (1.0, 0.0)
             turned = cosine * turn_cosine - sine * turn_sine
             cosine, sine = turned, sine * turn_cosine + cosine * turn_sine
+            turns.append((cosine, sine))
             x, y, moment = work.wrench[i]
             world[i] = cosine * x - sine * y, sine * x + cosine * y, moment
-        return world[self.arm.assembly.link_body]
+        return world[self.arm.assembly.link_root]
 
     def mass_matrix(self, q: Objects) -> Objects:
         """Return M (dof, dof)."""
@@ -359,8 +392,12 @@ class KernelCalls:
         symbolic(poses)(self._sizes, self.constants, self._state(q, qd), body_poses, tip)
         return tip
 
-    def _newton_euler(self, q: Objects, qd: Objects, qdd: Objects, tip_force: Force) -> Workspace:
+    def _newton_euler(
+        self, q: Objects, qd: Objects, qdd: Objects, tip_force: Force, closure_forces: Force
+    ) -> Workspace:
         work, acceleration = self._work(), self.arm.padded(qdd)
+        if closure_forces is not None:
+            work.closure[:, MULTIPLIER] = closure_forces
         state, loads = self._state(q, qd), self._loads(tip_force)
         symbolic(inverse_dynamics)(self._sizes, self.constants, state, acceleration, loads, work)
         return work
@@ -408,7 +445,6 @@ class ParametricArm:
     """
 
     def __init__(self, arm: Arm, paths: Sequence[str], prescribed: Sequence[int]) -> None:
-        serial_only(arm.spec, "a symbolic model", ("closures",))
         self.arm = arm
         self.paths = tuple(check_list_of("parameters", paths, str))
         names = [f"parameters[{k}]" for k in range(len(self.paths))]

@@ -15,6 +15,7 @@ from flexarm.base.arguments import check_kind, library_missing
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.bridges.symbolic.kernel_calls import ParametricArm, objects, plain
 from flexarm.linear.statics.gaps import warn_of_creep
+from flexarm.model.arm.spec import serial_only
 
 if TYPE_CHECKING:
     import casadi
@@ -27,35 +28,39 @@ class CasadiModel:
     """Equations of one arm as ``casadi.Function`` objects with named inputs and outputs.
 
     Every function ends with the input ``parameters``, of size 0 if the model has none. In a call
-    by name, missing inputs are NaN, except ``tip_force``, which is zero. World axes; SI units.
+    by name, missing inputs are NaN, except forces, which are zero. World axes; SI units.
 
-    ==============  ======================  =====================================================
-    input           size                    meaning
-    ==============  ======================  =====================================================
-    ``q``           dof                     coordinates: rad, m sqrt(kg)
-    ``qd``          dof                     their rates
-    ``qdd``         dof                     their accelerations
-    ``torque``      joints                  N m; rad/s^2 of a prescribed joint
-    ``tip_force``   3                       Fx, Fy (N) and Mz (N m) on the last tip
-    ``parameters``  number of parameters    in the units of the file
-    ==============  ======================  =====================================================
+    ==================  ====================  =================================================
+    input               size                  meaning
+    ==================  ====================  =================================================
+    ``q``               dof                   coordinates: rad, m sqrt(kg)
+    ``qd``              dof                   their rates
+    ``qdd``             dof                   their accelerations
+    ``torque``          joints                N m; rad/s^2 of a prescribed joint
+    ``tip_force``       3                     Fx, Fy (N) and Mz (N m) on the last tip
+    ``closure_forces``  closure_rows          N and N m; only of an arm with closures
+    ``parameters``      number of parameters  in the units of the file
+    ==================  ====================  =================================================
 
     Attributes:
         arm: the arm.
         parameters: paths of the parameters.
         nominal: their values in the arm.
         forward_dynamics: (q, qd, torque, tip_force, parameters) -> qdd.
-        residual: (q, qd, qdd, torque, tip_force, parameters) -> residual (dof,), zero on a motion:
-            M qdd + bias - torque; N m in the rows of joints.
-        inverse_dynamics: (q, qd, qdd, tip_force, parameters) -> force (dof,), M qdd + bias.
+        residual: (q, qd, qdd, torque, tip_force, closure_forces, parameters) -> residual (dof,),
+            zero on a motion: M qdd + bias - torque - J' closure_forces; N m in the rows of joints.
+        inverse_dynamics: (q, qd, qdd, tip_force, closure_forces, parameters) -> force (dof,),
+            M qdd + bias - J' closure_forces.
         bias_force: (q, qd, parameters) -> bias (dof,), with gravity and stiffness.
         mass_matrix: (q, parameters) -> M (dof, dof).
         energy: (q, qd, parameters) -> kinetic, strain, gravity (J).
         tip: (q, parameters) -> tip (3,): x, y (m), angle (rad).
         tip_velocity: (q, qd, parameters) -> tip_velocity (3,), the rates of ``tip``.
         strain: (q, parameters) -> strain (gauges,).
-        joint_reactions: (q, qd, qdd, tip_force, parameters) -> reactions (links, 3): force and
-            moment on each link from the joint at its root, Fx, Fy (N), Mz (N m).
+        joint_reactions: (q, qd, qdd, tip_force, closure_forces, parameters) -> reactions (links,
+            3): force and moment on each link from the joint at its root, Fx, Fy (N), Mz (N m).
+        closure_gaps: (q, parameters) -> gaps (closure_rows,), as `Arm.closure_gaps`.
+        closure_forces: (q, qd, torque, tip_force, parameters) -> forces (closure_rows,).
     """
 
     arm: Arm
@@ -71,6 +76,8 @@ class CasadiModel:
     tip_velocity: casadi.Function
     strain: casadi.Function
     joint_reactions: casadi.Function
+    closure_gaps: casadi.Function
+    closure_forces: casadi.Function
 
 
 @public_call
@@ -98,13 +105,20 @@ def to_casadi(
     Warns:
         AccuracyWarning: friction has bristles or holds joints, which the functions do not contain.
     """
-    return exported_model(arm, parameters, prescribed)
+    return _warned_model(arm, parameters, prescribed)
 
 
-def exported_model(
+def exported_model(arm: Arm, parameters: Sequence[str]) -> CasadiModel:
+    """Return the model of `to_casadi`, with its warnings, for exports, which errors then name."""
+    check_kind("arm", arm, Arm)
+    # An exported step does not keep loops closed.
+    serial_only(arm.spec, "an export of the equations", ("closures",))
+    return _warned_model(arm, parameters)
+
+
+def _warned_model(
     arm: Arm, parameters: Sequence[str], prescribed: Sequence[int] = ()
 ) -> CasadiModel:
-    """Return the model of `to_casadi`, with its warnings, for exports, which errors then name."""
     model = casadi_model(arm, parameters, prescribed)
     warn_of_creep(arm, "the exported model")
     return model
@@ -121,7 +135,7 @@ def casadi_model(
     check_kind("arm", arm, Arm)
     parametric = ParametricArm(arm, parameters, prescribed)
     sizes = {"q": arm.dof, "qd": arm.dof, "qdd": arm.dof, "torque": arm.joints, "tip_force": 3}
-    sizes["parameters"] = len(parametric.paths)
+    sizes |= {"closure_forces": arm.closure_rows, "parameters": len(parametric.paths)}
     symbols = {name: casadi.SX.sym(name, size) for name, size in sizes.items()}
     entries = {
         name: objects(casadi.vertsplit(symbol) if symbol.numel() else [], casadi)
@@ -129,10 +143,11 @@ def casadi_model(
     }
     calls, functions = parametric.at(list(entries["parameters"])), {}
     for name, (inputs, outputs) in _FUNCTIONS.items():
-        values = getattr(calls, name)(*(entries[one] for one in inputs))
-        names = [*inputs, "parameters"]
+        kept = [one for one in inputs if one != "closure_forces" or arm.closure_rows]
+        values = getattr(calls, name)(*(entries[one] for one in kept))
+        names = [*kept, "parameters"]
         # By default CasADi uses zero for a missing input, which is silently a wrong state.
-        default = [0.0 if one == "tip_force" else math.nan for one in names]
+        default = [0.0 if one in _FORCES else math.nan for one in names]
         functions[name] = casadi.Function(
             name,
             [symbols[one] for one in names],
@@ -155,19 +170,21 @@ def _matrix(values: Any) -> Any:
     return casadi.vertcat(*(casadi.horzcat(*row) for row in rows))
 
 
-_STATE, _MOTION = ("q", "qd"), ("q", "qd", "qdd")
+_STATE, _MOTION, _FORCES = ("q", "qd"), ("q", "qd", "qdd"), ("tip_force", "closure_forces")
 #: Inputs without the parameters, and outputs, of each function.
 _FUNCTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "forward_dynamics": ((*_STATE, "torque", "tip_force"), ("qdd",)),
-    "residual": ((*_MOTION, "torque", "tip_force"), ("residual",)),
-    "inverse_dynamics": ((*_MOTION, "tip_force"), ("force",)),
+    "residual": ((*_MOTION, "torque", *_FORCES), ("residual",)),
+    "inverse_dynamics": ((*_MOTION, *_FORCES), ("force",)),
     "bias_force": (_STATE, ("bias",)),
     "mass_matrix": (("q",), ("M",)),
     "energy": (_STATE, ("kinetic", "strain", "gravity")),
     "tip": (("q",), ("tip",)),
     "tip_velocity": (_STATE, ("tip_velocity",)),
     "strain": (("q",), ("strain",)),
-    "joint_reactions": ((*_MOTION, "tip_force"), ("reactions",)),
+    "joint_reactions": ((*_MOTION, *_FORCES), ("reactions",)),
+    "closure_gaps": (("q",), ("gaps",)),
+    "closure_forces": ((*_STATE, "torque", "tip_force"), ("forces",)),
 }
 
 
@@ -191,6 +208,8 @@ class JaxModel:
     ``parameters``  (parameters,)  in the units of the file; None for those of the arm
     ==============  =============  =============================================================
 
+    ``closure_forces`` (closure_rows,) of an arm with closures are in N and N m; None for no forces.
+
     Attributes:
         arm: the arm.
         parameters: paths of the parameters.
@@ -210,6 +229,7 @@ class JaxModel:
         self._run = jax.jit(self._trace, static_argnums=0)
         sizes = {"q": self.arm.dof, "qd": self.arm.dof, "qdd": self.arm.dof}
         sizes |= {"torque": self.arm.joints, "tip_force": 3, "parameters": len(self.parameters)}
+        sizes["closure_forces"] = self.arm.closure_rows
         self._sizes = sizes
 
     def forward_dynamics(
@@ -232,9 +252,11 @@ class JaxModel:
         torque: ArrayLike,
         tip_force: ArrayLike | None = None,
         parameters: ArrayLike | None = None,
+        closure_forces: ArrayLike | None = None,
     ) -> Array:
         """Return M qdd + bias - torque (dof,): zero on a motion; N m in the rows of joints."""
         given = {"q": q, "qd": qd, "qdd": qdd, "torque": torque, "tip_force": tip_force}
+        given["closure_forces"] = closure_forces
         return self._call("residual", given, parameters)
 
     def inverse_dynamics(
@@ -244,9 +266,11 @@ class JaxModel:
         qdd: ArrayLike,
         tip_force: ArrayLike | None = None,
         parameters: ArrayLike | None = None,
+        closure_forces: ArrayLike | None = None,
     ) -> Array:
         """Return the generalised force (dof,) for given accelerations, M qdd + bias."""
         given = {"q": q, "qd": qd, "qdd": qdd, "tip_force": tip_force}
+        given["closure_forces"] = closure_forces
         return self._call("inverse_dynamics", given, parameters)
 
     def bias_force(self, q: ArrayLike, qd: ArrayLike, parameters: ArrayLike | None = None) -> Array:
@@ -282,10 +306,28 @@ class JaxModel:
         qdd: ArrayLike,
         tip_force: ArrayLike | None = None,
         parameters: ArrayLike | None = None,
+        closure_forces: ArrayLike | None = None,
     ) -> Array:
         """Return force and moment on each link at its root: (links, 3), Fx, Fy N, Mz N m."""
         given = {"q": q, "qd": qd, "qdd": qdd, "tip_force": tip_force}
+        given["closure_forces"] = closure_forces
         return self._call("joint_reactions", given, parameters)
+
+    def closure_gaps(self, q: ArrayLike, parameters: ArrayLike | None = None) -> Array:
+        """Return how far the loops are from closed, (closure_rows,), as `Arm.closure_gaps`."""
+        return self._call("closure_gaps", {"q": q}, parameters)
+
+    def closure_forces(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        torque: ArrayLike,
+        tip_force: ArrayLike | None = None,
+        parameters: ArrayLike | None = None,
+    ) -> Array:
+        """Return the forces of closures (closure_rows,) under joint torques, N and N m."""
+        given = {"q": q, "qd": qd, "torque": torque, "tip_force": tip_force}
+        return self._call("closure_forces", given, parameters)
 
     def _call(self, name: str, given: dict[str, Any], parameters: Any) -> Any:
         """Validate the arguments of a method and evaluate it in their common type."""
@@ -296,7 +338,7 @@ class JaxModel:
             arrays = {
                 argument: self._array(argument, value)
                 for argument, value in given.items()
-                if not (value is None and argument == "tip_force")
+                if not (value is None and argument in _FORCES)
             }
         except InputError as error:
             raise error.at(f"JaxModel.{name}") from None

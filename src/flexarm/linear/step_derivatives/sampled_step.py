@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, IntArray
 from flexarm.arm.assembly.kernel_view import KernelView
+from flexarm.arm.closed import refuse_moving_apart, refuse_open
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, check_array, problems_of, public_call, shown
 from flexarm.integrate import INTEGRATORS, REMOVED
@@ -33,7 +34,6 @@ from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Workspace
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.parameters import constants_at, constants_by, same_arrays
-from flexarm.model.arm.spec import serial_only
 from flexarm.model.paths import number_at, with_number
 from flexarm.model.quantities import Positive
 
@@ -85,7 +85,7 @@ def step_jacobian(
 
     Raises:
         InputError: if an argument has the wrong shape or value, the method is not a one-step
-            method, or a parameter is not supported.
+            method, a parameter is not supported, or the state does not close the loops.
 
     Warns:
         AccuracyWarning: friction has bristles, which a step of q and qd does not contain.
@@ -94,10 +94,11 @@ def step_jacobian(
     Chained over steps they give the derivative of a whole run of ``simulate`` from straight links.
     Computed by complex perturbation of the kernels of the integrator; (D.15).
     """
-    serial_only(arm.spec, "step_jacobian", ("closures",))
     warn_of_bristles(arm, "the step")
     parameters = check_list_of("parameters", parameters, str)
     state = [check_array(n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
+    refuse_open(arm, "q", state[0])
+    refuse_moving_apart(arm, "qd", *state)
     held = check_array("torque", torque, (arm.joints,))
     step_of = stepper_of(arm, method, step)
     x, tau = np.concatenate(state), arm.padded_torque(held)

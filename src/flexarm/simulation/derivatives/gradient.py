@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.closed import by_independent
 from flexarm.arm.observe import channels_of
 from flexarm.base.arguments import check_mapping
 from flexarm.base.errors import (
@@ -245,7 +246,8 @@ def goal_gradient_of(known: Parameters, samples: Samples, weights: Weights) -> G
     pieces = np.zeros((len(breaks) - 1, torque.shape[1]))
     np.add.at(pieces, piece, torque)
     by_samples = samples.collected(pieces.reshape(len(pieces), -1, arm.joints))
-    return Gradient(run, by_samples, state.reshape(2, -1))
+    start = arm.unpadded(run.samples[0])
+    return Gradient(run, by_samples, by_independent(arm, start, state.reshape(2, -1)))
 
 
 def _from_the_last(
@@ -294,7 +296,8 @@ def goal_gradient(
 
     Returns:
         Dataset with the gradient by ``torque`` over ``sample`` and ``joint``, per N m, and by
-        ``initial`` and ``initial_rate`` over ``coordinate``.
+        ``initial`` and ``initial_rate`` over ``coordinate``; with closures by independent
+        coordinates, which the others follow.
 
     Raises:
         InputError: if an argument has the wrong type or value, or the integrator is not an explicit

@@ -19,6 +19,7 @@ import numpy as np
 
 from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
+from flexarm.arm.closed import sized_gaps
 from flexarm.arm.observe import contact_values
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, nearest, shown, suggestion
@@ -28,11 +29,10 @@ from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.cache import has_number_types
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.forces.contact import GAP
-from flexarm.kernels.layout import Array
+from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.linear.step_derivatives.parameters import POWERS, constants_at, scaled, scales_of
 from flexarm.model import Link
-from flexarm.model.arm.spec import serial_only
 from flexarm.model.paths import number_at, parts_of, with_number
 from flexarm.simulation.calls.preparation import Situation
 from flexarm.simulation.calls.run import simulate
@@ -59,6 +59,9 @@ from flexarm.simulation.run.work import Checkpoints
 _PROBE, _SMALLER, _DECREASED = 1e-3, 0.125, 0.5
 #: Relative differences of two numbers that are rounding.
 _ROUNDED = 1e-12
+#: Largest relative change of the numbers of an arm that shows whether a parameter opens loops, and
+#: the part of it by which gaps then differ from rounding.
+_OPENED, _SAME_GAP = 1e-5, 1e-6
 #: Columns of a table that must keep their ratio.
 _STIFFNESSES = "flexural_rigidity", "shear_rigidity"
 _INERTIAS = "mass_per_length", "rotary_inertia_per_length"
@@ -242,6 +245,7 @@ class Parameters:
                 if path in paths[:k]:
                     raise InputError(Problem(name, f"repeats {path}"))
                 found.append(self._derivative(name, path))
+                self._refuse_opening(name, path, found[-1])
             except InputError as error:
                 problems += error.problems
         if problems:
@@ -263,6 +267,24 @@ class Parameters:
         if (place := _RECORD.fullmatch(path)) is not None:
             return self._of_record(name, path, place[1], int(place[2]), place[3])
         return nothing._replace(arm=arm_derivative(name, self.run.arm, self.environment, path))
+
+    def _refuse_opening(self, name: str, path: str, change: Inputs) -> None:
+        """Raise if a change of numbers opens loops that the state at the start closes."""
+        arm = self.run.arm
+        if not arm.closure_rows:
+            return
+        values = *self.inputs.arm.constants, self.inputs.state
+        slopes = *change.arm.constants, change.state
+        steepest = max(map(relative_error, map(np.add, values, slopes), values))
+        if not steepest:
+            return
+        ends = []
+        for step in (_OPENED / steepest, -_OPENED / steepest):
+            *constants, state = map(np.add, values, (step * slope for slope in slopes))
+            ends.append(sized_gaps(arm, ArmConstants(*constants), state))
+        if np.max(np.abs(ends[0] - ends[1])) > _SAME_GAP * _OPENED:
+            hint = "The state at the start closes them for one value only."
+            raise InputError(Problem(name, "keep the loops closed", shown(path), hint))
 
     def _unit_state(self, name: str, path: str, place: int, which: str) -> Array:
         """Return the derivative of the state at the start by one of its entries."""
@@ -435,7 +457,6 @@ def differentiated(
         once: differentiates a run, perhaps with exactly the tolerances of its settings.
         apart: relative differences of the derivatives of two runs.
     """
-    serial_only(situation.simulated.spec, "a derivative of runs", ("closures",))
     derivatives = once(situation, False)
     run, settings = derivatives.run, situation.settings
     second = second_run(run, settings) if twice else None
