@@ -26,8 +26,6 @@ REFUSED = {
     "HybridForce": lambda arm: fa.HybridForce(arm),
     "WaveBasedControl": lambda arm: fa.WaveBasedControl(arm, fa.JointPD(1.0, 1.0)),
     "LoopShaping": lambda arm: fa.LoopShaping(arm),
-    "ExtendedKalmanFilter": lambda arm: fa.ExtendedKalmanFilter(arm, GAUGES),
-    "MovingHorizonEstimator": lambda arm: fa.MovingHorizonEstimator(arm, GAUGES),
     "design": lambda arm: fa.design(arm, "hold"),
     "optimal_motion": lambda arm: fa.optimal_motion(
         arm, np.zeros(arm.joints), np.full(arm.joints, 0.2), duration=1.0
@@ -59,6 +57,8 @@ OF_BASES = {
 LOOP = fa.Arm(links=[LINK, LINK], closures=[fa.Closure(link=2, kind="line")])
 START = LOOP.rest([0.0, 0.0])
 OF_CLOSURES = {
+    "ExtendedKalmanFilter": lambda arm: fa.ExtendedKalmanFilter(arm, GAUGES),
+    "MovingHorizonEstimator": lambda arm: fa.MovingHorizonEstimator(arm, GAUGES),
     "linearize_along": lambda arm: fa.linearize_along(arm, _motion(arm)),
     "converged": lambda arm: fa.converged(arm, 0.1),
     "export_c": lambda arm: fa.export_c(arm, "code"),

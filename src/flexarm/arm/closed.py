@@ -296,7 +296,8 @@ def by_independent(arm: Arm, state: FloatArray, slope: FloatArray) -> FloatArray
     """Return the derivatives (2, dof) of a function of q and qd, along the closures.
 
     ``slope`` (2, dof) are those without closures, at a ``state`` (2, dof). Dependent coordinates
-    and rates follow the independent ones; derivatives by them are zero.
+    and rates follow the independent ones; derivatives by them are zero. Theory page "mechanisms",
+    (M.29).
     """
     motions = independent_motions(arm, state[0], np.arange(arm.dof))
     if motions.basis is None:

@@ -42,6 +42,7 @@ from flexarm.control.filters.kalman_filter import (
 from flexarm.control.filters.predicted_readings import Link, PredictedReadings, Readings
 from flexarm.linear.models.state_space import find_outputs
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
+from flexarm.model.arm.spec import UNDRIVEN, serial_only
 
 _PAYLOAD = "payload.mass"
 #: Steps of Newton's method for the sag at the start, which a fixed cost requires. Four are exact to
@@ -86,6 +87,7 @@ def exported_observer(arm: Arm, observer: object) -> Observer:
         raise InputError(
             Problem("observer", "be an ExtendedKalmanFilter", shown(observer), hint=hint)
         )
+    serial_only(observer.arm.spec, "observer", UNDRIVEN)
     if len(observer.covariance) > 2 * observer.arm.dof + 1:
         rule = "estimate no parameters, disturbance torques or biases"
         hint = "The code estimates q, qd and the mass of the payload only."

@@ -106,7 +106,7 @@ def record(export: Exported) -> Recording:
     recording = Recording(
         step, {"q": q[at], "qd": qd[at], "torque": torque[at], "tip_force": push}, {}, {}
     )
-    _record_arm(recording, export, np.hstack([q[at + 1], qd[at + 1]]))
+    _record_arm(recording, export)
     if export.controller:
         readings = {
             "joint_angle": run.joint_angle.values[at],
@@ -140,12 +140,13 @@ def _smoothed(arm: Arm) -> Arm:
     return Arm(arm.spec.replace(joints=joints))
 
 
-def _record_arm(data: Recording, export: Exported, after: FloatArray) -> None:
+def _record_arm(data: Recording, export: Exported) -> None:
     arm, given = export.arm, data.inputs
     q, qd, torque, push = (given[name] for name in ("q", "qd", "torque", "tip_force"))
     qdd = np.array([arm.forward_dynamics(*one) for one in zip(q, qd, torque, push, strict=True)])
     # Half of the accelerations, because all of them would cancel the other forces.
     given["qdd"] = 0.5 * qdd
+    steps = [step_jacobian(arm, q[k], qd[k], torque[k], data.step) for k in range(SAMPLES)]
     results: dict[str, Callable[[int], Any]] = {
         "forward_dynamics": lambda k: qdd[k],
         "inverse_dynamics": lambda k: arm.inverse_dynamics(q[k], qd[k], given["qdd"][k], push[k]),
@@ -158,7 +159,7 @@ def _record_arm(data: Recording, export: Exported, after: FloatArray) -> None:
         "tip_jacobian": lambda k: np.transpose(
             [arm.tip_velocity(q[k], e) for e in np.eye(arm.dof)]
         ),
-        "step": lambda k: after[k],
+        "step": lambda k: np.concatenate([steps[k].q, steps[k].qd]),
     }
     for function in export.functions:
         if function.name in results:
@@ -168,8 +169,7 @@ def _record_arm(data: Recording, export: Exported, after: FloatArray) -> None:
             data.tolerance[function.name] = _ROUNDING * np.full(
                 values.shape[1], values.max(initial=0.0)
             )
-    slopes = [step_jacobian(arm, q[k], qd[k], torque[k], data.step) for k in range(SAMPLES)]
-    rows = [np.concatenate([one.state.ravel(), one.torque.ravel()]) for one in slopes]
+    rows = [np.concatenate([step.state.ravel(), step.torque.ravel()]) for step in steps]
     data.expected["step_jacobian"] = np.array(rows)
     _scale_by_energy(data, arm)
 

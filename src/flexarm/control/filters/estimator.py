@@ -26,7 +26,6 @@ from flexarm.base.arguments import (
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import typical_rate, typical_torque
-from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.filters.estimates import Estimates, InnovationTest, Layout
 from flexarm.control.filters.predicted_readings import (
     PredictedReadings,
@@ -38,6 +37,7 @@ from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model import Instrument
+from flexarm.model.arm.spec import UNDRIVEN
 from flexarm.model.drives.around import FilterParameters
 from flexarm.model.paths import number_at, with_number
 
@@ -65,7 +65,12 @@ def first_variance(
     bias = (given.bias_deviation or {}).get(angle.label, 0.0)
     variance[joints] = angle.noise**2 + angle.resolution**2 / 12.0 + bias**2
     variance[joints] *= _BEFORE_READING**2
-    variance[arm.dof + joints] = given.rate_deviation**2
+    sizes, base = coordinate_sizes(arm), [coordinate.place for coordinate in arm.assembly.base]
+    variance[arm.dof + joints] = (given.rate_deviation * sizes[joints]) ** 2
+    if base:
+        mass = np.diag(arm.mass_matrix(arm.rest(np.zeros(arm.joints))))
+        variance[np.add(arm.dof, base)] = energy / mass[base]
+        variance[base] = np.minimum(variance[base], sizes[base] ** 2)
     return variance
 
 
@@ -92,9 +97,16 @@ def tip_mass(arm: Arm) -> float:
     the tip are inversely proportional to this mass plus the payload mass. Therefore they are nearly
     exponential in the logarithm of the sum, even for a payload of zero.
     """
-    inertia = RigidModel(arm).mass_matrix(np.zeros(arm.joints))[-1, -1]
-    own = float(inertia) / float(arm.lengths[-1]) ** 2 - arm.spec.payload.mass
-    return max(own, 1e-3 * float(inertia) / float(arm.lengths[-1]) ** 2)
+    inertia = _inertia(arm, -1)
+    whole = inertia / float(arm.lengths[-1]) ** 2
+    return max(whole - arm.spec.payload.mass, 1e-3 * whole)
+
+
+def _inertia(arm: Arm, joint: int) -> float:
+    """Return the inertia of the straight rigid arm about a joint, by index; kg m^2 or kg."""
+    rigid = arm.rigid()
+    place = rigid.joint_index[joint]
+    return float(rigid.mass_matrix(rigid.rest(np.zeros(arm.joints)))[place, place])
 
 
 @dataclass
@@ -176,7 +188,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
     samples are computed again.
     """
 
-    _unsupported = None
+    _unsupported = UNDRIVEN[1:]
     #: Attributes that change with the estimate.
     _changing: ClassVar[tuple[str, ...]] = ()
     instruments: Sequence[Instrument] = Field(
@@ -212,7 +224,9 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         """Set the deviations without a number, in proportion to inertia and time of the arm."""
         rate = typical_rate(self.arm, self.sample_time)
         turning = _TURNING * rate
-        inertia = float(RigidModel(self.arm).mass_matrix(np.zeros(self.arm.joints))[0, 0])
+        # A joint that slides moves by the reach where one that turns moves by a radian.
+        size = float(coordinate_sizes(self.arm)[self.arm.joint_index[0]])
+        inertia = _inertia(self.arm, 0) * size**2
         noise = _NOISE * typical_torque(self.arm, None, rate)
         values: dict[str, Any] = {"torque_noise": noise, "rate_deviation": turning}
         values["energy_deviation"] = 0.5 * inertia * turning**2

@@ -308,7 +308,7 @@ def goal_gradient(
         AccuracyWarning: under the conditions of ``simulate``, or if the estimated error exceeds
             1e-2 (with a given step: 1e-3).
 
-    Theory page "separation", (D.17).
+    Theory pages "separation", (D.17), and "mechanisms", (M.29).
     """
     refuse_unsupported(goal_gradient, arguments)
     driven = {**arguments, "torque": check_array("torque", torque, (-1, arm.joints))}
