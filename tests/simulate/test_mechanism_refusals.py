@@ -27,12 +27,6 @@ REFUSED = {
     "WaveBasedControl": lambda arm: fa.WaveBasedControl(arm, fa.JointPD(1.0, 1.0)),
     "LoopShaping": lambda arm: fa.LoopShaping(arm),
     "design": lambda arm: fa.design(arm, "hold"),
-    "optimal_motion": lambda arm: fa.optimal_motion(
-        arm, np.zeros(arm.joints), np.full(arm.joints, 0.2), duration=1.0
-    ),
-    "iterative_learning": lambda arm: fa.iterative_learning(
-        arm, _motion(arm), fa.JointPD(1.0, 1.0)
-    ),
     "export_mjcf": lambda arm: fa.export_mjcf(arm, "arm.xml"),
     "export_urdf": lambda arm: fa.export_urdf(arm, "arm.urdf"),
     "export_exudyn": lambda arm: fa.export_exudyn(arm, "arm.py"),
@@ -45,6 +39,12 @@ OF_BASES_ALONE = {
     "line_motion": lambda arm: fa.line_motion(arm, (1.0, 0.5), (1.0, 0.7), 1.0, posture=[0.5]),
 }
 OF_BASES = {
+    "optimal_motion": lambda arm: fa.optimal_motion(
+        arm, np.zeros(arm.joints), np.full(arm.joints, 0.2), duration=1.0
+    ),
+    "iterative_learning": lambda arm: fa.iterative_learning(
+        arm, _motion(arm), fa.JointPD(1.0, 1.0)
+    ),
     "simulate_separated": lambda arm: fa.simulate_separated(arm, _motion(arm)),
     "NonlinearMPC": lambda arm: fa.NonlinearMPC(arm, torque_limit=1.0),
     "Composite": lambda arm: fa.Composite(arm),

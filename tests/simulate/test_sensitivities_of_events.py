@@ -245,3 +245,9 @@ def test_an_event_by_numbers_that_move_no_point():
         arm, DURATION, paths, torque=lambda t: [3.0, -1.0 + t], events=[event], channels=["q"]
     )
     assert np.all(found["event_time"] > 0.0)  # damping delays the tip
+
+
+def test_an_array_of_other_objects_is_refused():
+    events = np.array([object(), object()], dtype=object)
+    with pytest.raises(fa.InputError, match=r"events"):
+        fa.sensitivities(an_arm(), DURATION, ["payload.mass"], events=events)

@@ -27,7 +27,7 @@ from flexarm.base.errors import (
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.model import Hardware
-from flexarm.model.arm.spec import serial_only
+from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.quantities import Count, NonNegative, Positive
 from flexarm.planning.learning.bench import (
     AddedTorque,
@@ -133,7 +133,7 @@ def iterative_learning(
         S. Arimoto, S. Kawamura and F. Miyazaki, J. Robotic Systems 1 (1984) 123-140.
         S. Gunnarsson and M. Norrlof, Automatica 37 (2001) 2011-2016.
     """
-    serial_only(arm.spec, "iterative learning")
+    serial_only(arm.spec, "iterative learning", UNDRIVEN)
     check_reference(reference)
     check_controller("controller", controller)
     check_choice("output", output, OUTPUTS)

@@ -24,7 +24,7 @@ from flexarm.base.errors import (
 from flexarm.identification.assessment import Identifiability, predicted
 from flexarm.identification.record import MeasuredRecord
 from flexarm.identification.space import check_free
-from flexarm.model.arm.spec import serial_only
+from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.checks import checked_arguments
 from flexarm.model.identification import FreeParameter, RecordSettings
 from flexarm.model.quantities import Count
@@ -137,7 +137,7 @@ def optimal_excitation(
     its samples, which is simulated. Mehra, IEEE Transactions on Automatic Control 19 (1974) 753.
     """
     parameters = check_free(free)
-    serial_only(arm.spec, "an optimal excitation")
+    serial_only(arm.spec, "an optimal excitation", UNDRIVEN)
     check_kind("limits", limits, MotionLimits)
     check_mapping("noise", noise, "channels and standard deviations")
     if not noise:

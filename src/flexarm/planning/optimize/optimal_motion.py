@@ -24,7 +24,7 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.linear import equilibrium, modes
-from flexarm.model.arm.spec import serial_only
+from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.quantities import Count
 from flexarm.motion import Motion
 from flexarm.motion.dynamics.dynamics_along import MotionTorque
@@ -340,7 +340,7 @@ def optimal_motion(
     Contacts are not included.
     """
     plant = plant or arm
-    serial_only(arm.spec, "an optimal motion")
+    serial_only(arm.spec, "an optimal motion", UNDRIVEN)
     check_choice("objective", objective, OBJECTIVES)
     limits = MotionLimits() if limits is None else check_kind("limits", limits, MotionLimits)
     begin, goal = (

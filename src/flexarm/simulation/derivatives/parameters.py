@@ -355,7 +355,7 @@ def simulated(
     if not has_number_types():
         raise InputError(Problem("NUMBA_DISABLE_JIT", "is not supported with derivatives of runs"))
     arm, environment = situation.arm, situation.environment
-    if situation.events:
+    if len(situation.events):
         refuse_bristles(arm, "events", hint="Their times have no derivatives then.")
     run = situation.new_run(meter)
     tips = int(situation.tip_force is not None)
