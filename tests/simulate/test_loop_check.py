@@ -10,7 +10,7 @@ import flexarm as fa
 from arms import laboratory_arm, table_one_arm
 from flexarm.cli.main import app
 from flexarm.control.contract.base import has_poles
-from flexarm.simulation.loop.stability import AnalysedLoop, differenced, loop_poles, stability
+from flexarm.simulation.loop.stability import AnalysedLoop, loop_poles, stability
 
 GAINS = [300.0, 80.0], [25.0, 6.0]
 
@@ -144,17 +144,6 @@ def test_surfaces_without_a_force_reference_are_ignored():
         "at the end of the motion",
     ]
     assert prepared.unstable_loop(poles) == ""
-
-
-def test_differences_equal_the_exact_linear_model():
-    arm = paper_arm(hub_inertia=0.1)
-    q = arm.rest([0.3, 0.8])
-    found = differenced(arm, q, ["joint_angle", "tip"], (), 1.0)
-    exact = fa.linearize(arm, q, outputs=["joint_angle", "tip"])
-    for mine, theirs in ((found.A, exact.A), (found.B, exact.B)):
-        # Central differences over 1e-5.
-        np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-6 * np.abs(theirs).max())
-    np.testing.assert_allclose(found.signals["tip"].C, exact.C[2:], rtol=0, atol=1e-5)
 
 
 ENCODERS = fa.Hardware(

@@ -338,7 +338,7 @@ class _Search:
         arm, loads = self._scaled(fraction)
         sizes = coordinate_sizes(arm)
         balance = self._balance(arm, q, loads, fraction)
-        if balance.missing.size == 0:
+        if not balance.missing.any():
             return q
         scale = np.max(np.abs(balance.missing), initial=0.0)
         for _ in range(_NEWTON_STEPS):

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.arm.actions import place_contacts
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
-from flexarm.arm.closed import independent_motions, least_forces
-from flexarm.arm.observe import channels_of, contact_forces
 from flexarm.control.analysis.linear_controller import FrozenReference
 from flexarm.control.analysis.margins import without_friction
 from flexarm.control.analysis.sampled_loop import (
@@ -20,32 +17,27 @@ from flexarm.control.analysis.sampled_loop import (
     Signal,
     instruments_of,
     loop_of,
+    model_at,
     signals_of,
     sliding,
 )
 from flexarm.control.contract.base import Controller, Reference, has_poles
 from flexarm.control.design.rigid_model import values_of
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.linear import equilibrium
 from flexarm.model import Contact, Hardware, Instrument, Sensor
 from flexarm.simulation.run.changes import ChangedArm
-from flexarm.simulation.run.tolerance import reach_of, tip_units
 
 #: Inertias of a motor, relative to that of its link about the joint, that are tried as a cure.
 _SHARES = (0.02, 0.1, 0.5)
 #: Growth over the run below which an instability is ignored.
 _NOTICED = 10.0
-#: Least growth in a sample time that is certain. The differences, with their error of 1e-9, move
-#: the double pole of a joint that is damped only by up to 3e-5 in a sample time.
+#: Least growth in a sample time that is certain. Errors of 1e-9 of the matrices move the double
+#: pole of a joint that is damped only by up to 3e-5 in a sample time.
 _CERTAIN = 5e-5
 _OF_CONTACTS = ("contact_force", "contact_gap")
 #: Angle (rad) that the joints turn between the postures of a motion that are analysed, the most of
 #: these postures, and number of times at which the motion is examined.
 _APART, _MOST_PASSED, _LOOKED = 0.5, 3, 33
-#: Step of the differences of coordinates and rates, relative to those that move the tip by the
-#: reach; for a smooth function their error is then about 1e-9. Rates of a rigid arm have effect in
-#: this number of sample times.
-_STEP, _HORIZON = 1e-5, 1000.0
 #: Growth (1/s), frequency (Hz) and magnitude of dominant poles, by the number of the arm, the time
 #: of the posture (s) and its angles at the start.
 Poles = dict[tuple[int, float, bytes], tuple[float, float, float]]
@@ -273,17 +265,14 @@ def _worst(
     if reference is not None and (presses or t > 0.0):
         angle = np.asarray(reference.joint_angle(t))
     touched = contacts if presses else ()
-    # Straight links under gravity are not in equilibrium: the sagged links have another stiffness.
-    bends = presses or any(plant.spec.gravity)
     signals = signals_of(instruments)
 
-    def model_of(one: Arm) -> PlantModel:
-        q = equilibrium(one, angle, contacts=touched).q if bends else one.rest(angle)
+    def model_of(simulated: Arm) -> PlantModel:
         free = [name for name in signals if touched or name not in _OF_CONTACTS]
-        model = differenced(one, q, free, touched, _HORIZON * controller.sample_time)
+        model = model_at(simulated, angle, free, touched)
         for name in set(signals) - set(free):  # without contact these signals are zero
             size = len(contacts) * (2 if name == "contact_force" else 1)
-            none = np.zeros((size, 2 * one.dof)), np.zeros((size, one.joints))
+            none = np.zeros((size, len(model.A))), np.zeros((size, simulated.joints))
             model.signals[name] = Signal(np.zeros(size), *none)
         return model
 
@@ -292,64 +281,3 @@ def _worst(
     z = loop.multipliers()[0]
     pole = np.log(z) / loop.sample_time
     return float(pole.real), float(abs(pole.imag)) / (2.0 * np.pi), float(abs(z))
-
-
-def differenced(
-    arm: Arm, q: FloatArray, signals: Sequence[Any], contacts: Sequence[Contact], horizon: float
-) -> PlantModel:
-    """Linearize by central differences of the functions that a run evaluates anyway.
-
-    ``linearize`` computes the same to rounding accuracy, but needs kernels for complex numbers that
-    a run does not use. Compiling them would double the time of the first run on a machine.
-    """
-    dof, joints = arm.dof, arm.joints
-    still = np.zeros(dof)
-    force = arm.inverse_dynamics(q, still, still, contacts=contacts)
-    if arm.closure_rows:  # forces of closures bend the links
-        bending = np.setdiff1d(np.arange(dof), arm.joint_index)
-        force = force - arm.closure_jacobian(q).T @ least_forces(arm, q, force, bending)
-    hold = force[arm.joint_index]
-    whole = np.concatenate([q, still, hold])
-
-    def accelerations(x: FloatArray) -> FloatArray:
-        place, rate, torque = np.split(x, [dof, 2 * dof])
-        return arm.forward_dynamics(place, rate, torque, contacts=contacts)
-
-    moving = arm.unpadded(tip_units(arm, reach_of(arm), horizon)).ravel()
-    # The dynamics is linear in the torques, so their steps may be large.
-    held = np.full(joints, np.abs(hold).max(initial=0.0) or 1.0)
-    size = np.concatenate([_STEP * moving, held])
-    steps = np.diag(size)
-    slope = np.array([accelerations(whole + s) - accelerations(whole - s) for s in steps]).T
-    slope /= 2.0 * size
-    A, B = np.zeros((2 * dof, 2 * dof)), np.zeros((2 * dof, joints))
-    A[:dof, dof:] = np.eye(dof)
-    A[dof:], B[dof:] = slope[:, : 2 * dof], slope[:, 2 * dof :]
-    moved = whole[: 2 * dof] + np.vstack([np.zeros(2 * dof), steps[: 2 * dof, : 2 * dof]])
-    moved = np.vstack([moved, 2.0 * moved[0] - moved[1:]])
-    states = arm.padded(moved.reshape(-1, 2, dof))
-    channels = channels_of(arm, states)
-    if contacts:
-        placed = place_contacts(arm, contacts)
-        channels["contact_force"] = contact_forces(arm, placed, states)
-    found = {}
-    for name in signals:
-        values = channels[name].reshape(len(moved), -1)
-        C = (values[1 : 1 + 2 * dof] - values[1 + 2 * dof :]).T / (2.0 * size[: 2 * dof])
-        found[name] = Signal(values[0], C, np.zeros((len(C), joints)))
-    return _with_closures(arm, q, PlantModel(A, B, found))
-
-
-def _with_closures(arm: Arm, q: FloatArray, model: PlantModel) -> PlantModel:
-    """Return a model of motions that keep the loops closed, in independent coordinates.
-
-    Off the closures, gaps would neither grow nor vanish, which looks like a pole on the limit.
-    """
-    if not arm.closure_rows:
-        return model
-    motions = independent_motions(arm, q, np.arange(arm.dof))
-    basis = motions.displacements(np.eye(motions.independent.size))
-    spread = np.kron(np.eye(2), basis)
-    rows = np.concatenate([motions.independent, arm.dof + motions.independent])
-    signals = {name: signal._replace(C=signal.C @ spread) for name, signal in model.signals.items()}
-    return PlantModel(model.A[rows] @ spread, model.B[rows], signals)
