@@ -260,8 +260,9 @@ def _crossing(closure: Closure, other: Closure) -> bool:
 _ZERO = 1e-9
 #: Distances of points of different kinds, so that none coincide unless their distance is zero.
 _OFFSET, _CENTRE, _STATION, _HUB, _SLID = 0.37, 0.61, 0.6, 0.5, 0.71
-_R3 = range(3)
-_Matrix = list[list[float]]
+#: Speed of a mass of 1 in one direction, or rate of an inertia of 1: its factors of the velocity of
+#: the origin of the body (real and imaginary part), and of the rate of the body.
+_Row = tuple[complex, float]
 
 
 def inertia_faults(
@@ -269,21 +270,22 @@ def inertia_faults(
 ) -> Iterator[Fault]:
     """Yield a fault for each joint or base coordinate whose force acts on no inertia.
 
-    Coordinates are eliminated from the tips to the base (articulated inertias, theory page "The
-    chain") in a posture without symmetry. Only zeros matter, so all masses, inertias and lengths
-    are 1 or 0: a coordinate without inertia makes the mass matrix singular in every posture.
-    Bending adds no such coordinate, because links that bend have mass.
+    Coordinates are eliminated from the tips to the base in a posture without symmetry. Only zeros
+    matter, so all masses, inertias and lengths are 1 or 0: a coordinate without inertia makes the
+    mass matrix singular in every posture. Bending adds no such coordinate, because links that bend
+    have mass.
     """
     tables = [link.beam() for link in links]
     carries = [any(table.mass_per_length) for table in tables]
     if all(carries) and not base.free:
         return
     parents, count = carriers(links), len(links)
-    bodies = [[[0.0] * 3 for _ in _R3] for _ in range(count + 1)]  # the last one, -1, is the base
+    bodies: list[list[_Row]] = [[] for _ in range(count + 1)]  # the last one, -1, is the base
     for i, table in enumerate(tables):
         turns = joints[i].hub_inertia or any(table.rotary_inertia_per_length or ()) or carries[i]
-        _add(bodies[i], carries[i], turns, 0.5)
-    _add(bodies[count - 1], payload.mass, payload.inertia, 1.0 + _OFFSET * _along(payload.offset))
+        bodies[i] += _rows(carries[i], turns, 0.5)
+    tip = 1.0 + _OFFSET * _along(payload.offset)
+    bodies[count - 1] += _rows(payload.mass, payload.inertia, tip)
     carries[-1] = carries[-1] or payload.mass > 0.0
     last = count - 1  # link that is rigidly connected to the payload and has a joint that moves
     while last >= 0 and joints[last].fixed:
@@ -292,16 +294,19 @@ def inertia_faults(
     for i in reversed(range(count)):
         joint, k = joints[i], parents[i]
         place = _place(links[i], links[k] if k >= 0 else None, joint)
-        _add(bodies[k], joint.mass, joint.housing_inertia, place)
-        if not _carry(bodies[i], bodies[k], joint, place, 1.0 + 2.4 * i):
+        behind, resists = _behind(bodies[i], joint, place, 1.0 + 2.4 * i)
+        if not resists:
             faults.append(_no_inertia(i, joint, carries[i], i == last))
+        bodies[k] += [*behind, *_rows(joint.mass, joint.housing_inertia, place)]
         if k >= 0:
             carries[k] = carries[k] or carries[i] or joint.mass > 0.0
     yield from reversed(faults)
-    _add(bodies[-1], base.mass, base.inertia, _CENTRE * _along(base.centre))
-    ground, _ = _moved(bodies[-1], 0j, 1.0 if "angle" in base.free else 0.0)
-    for name in reversed(_COORDINATES):
-        if name in base.free and not _eliminate(ground, _COORDINATES.index(name)):
+    ground = [*bodies[-1], *_rows(base.mass, base.inertia, _CENTRE * _along(base.centre))]
+    ground = [(v * cmath.rect(1.0, "angle" in base.free), w) for v, w in ground]
+    shares = {"angle": lambda v, w: w, "y": lambda v, w: v.imag, "x": lambda v, w: v.real}
+    for name in filter(base.free.__contains__, shares):
+        ground, resists = _follow(ground, [shares[name](*row) for row in ground])
+        if not resists:
             hint = "Give the base mass and inertia."
             yield Fault(("base", "free"), f"has {name!r}, which moves no inertia", hint=hint)
 
@@ -322,19 +327,16 @@ def _place(link: Link, parent: Link | None, joint: Joint) -> complex:
     return place
 
 
-def _add(matrix: _Matrix, mass: float, inertia: float, place: complex) -> None:
-    """Add a mass and an inertia of 1 at a place to an inertia matrix, unless they are 0."""
-    if mass:
-        for row in ((1.0, 0.0, -place.imag), (0.0, 1.0, place.real)):
-            for r in _R3:
-                for c in _R3:
-                    matrix[r][c] += row[r] * row[c]
-    if inertia:
-        matrix[2][2] += 1.0
+def _rows(mass: float, inertia: float, place: complex) -> list[_Row]:
+    """Return the rows of a mass and an inertia of 1 at a place, unless they are 0."""
+    rows = [(1.0 + 0j, -place.imag), (1j, place.real)] if mass else []
+    return [*rows, *[(0j, 1.0)] * bool(inertia)]
 
 
-def _carry(body: _Matrix, parent: _Matrix, joint: Joint, place: complex, angle: float) -> bool:
-    """Add the inertia of a body behind its joint to its parent; return whether the joint has any.
+def _behind(
+    body: list[_Row], joint: Joint, place: complex, angle: float
+) -> tuple[list[_Row], bool]:
+    """Return the rows of a body behind its joint, and whether the joint has inertia.
 
     Joints that turn are at ``angle`` (rad). Fixed joints need no inertia.
     """
@@ -342,52 +344,27 @@ def _carry(body: _Matrix, parent: _Matrix, joint: Joint, place: complex, angle: 
     axis = _along(joint.axis or (1.0, 0.0))
     if slides:
         place += _SLID * axis * (not joint.fixed or joint.rest_angle != 0.0)
-        axis *= cmath.rect(1.0, -turn)
     else:
         turn += joint.rest_angle if joint.fixed else angle
-    free = (axis.real, axis.imag, 0.0) if slides else (0.0, 0.0, 1.0)
-    moved, rates = _moved(body, place, turn)
-    momentum = [sum(body[r][c] * free[c] for c in _R3) for r in _R3]
-    inertia = sum(free[r] * momentum[r] for r in _R3)
-    coupled = [sum(rates[r][c] * momentum[r] for r in _R3) for c in _R3]
+    turned = [(v * cmath.rect(1.0, turn), w) for v, w in body]
+    rows = [(v, w + (v.conjugate() * 1j * place).real) for v, w in turned]
+    shares = [(v.conjugate() * axis).real if slides else w for v, w in turned]
     if joint.rotor_inertia and not joint.elastic:  # the parent carries the rotor
+        rows.append((0j, 1.0))
         # A rotor that turns as its link, with a ratio of 1, does not resist where both do.
-        ratio = 1.0 if joint.gear_ratio == 1.0 else 2.0
-        inertia += ratio**2
-        coupled[2] += ratio
-        moved[2][2] += 1.0
-    resists = inertia > _ZERO and not joint.fixed
-    for r in _R3:
-        for c in _R3:
-            parent[r][c] += moved[r][c] - (coupled[r] * coupled[c] / inertia if resists else 0.0)
-    return resists or joint.fixed
+        shares.append(1.0 if joint.gear_ratio == 1.0 else 2.0)
+    return (rows, True) if joint.fixed else _follow(rows, shares)
 
 
-def _moved(body: _Matrix, place: complex, turn: float) -> tuple[_Matrix, _Matrix]:
-    """Return the inertia of a body at ``place``, turned by an angle (rad), in axes of its carrier.
-
-    The second matrix is that of the body's rates at those of the carrier.
-    """
-    back = cmath.rect(1.0, -turn)
-    shift = back * 1j * place
-    rates = [
-        [back.real, -back.imag, shift.real],
-        [back.imag, back.real, shift.imag],
-        [0.0, 0.0, 1.0],
-    ]
-    behind = [[sum(body[r][k] * rates[k][c] for k in _R3) for c in _R3] for r in _R3]
-    return [[sum(rates[k][r] * behind[k][c] for k in _R3) for c in _R3] for r in _R3], rates
-
-
-def _eliminate(body: _Matrix, coordinate: int) -> bool:
-    """Let a coordinate of a body follow its inertia; return False if it has none."""
-    row = list(body[coordinate])
-    if row[coordinate] <= _ZERO:
-        return False
-    for r in _R3:
-        for c in _R3:
-            body[r][c] -= row[r] * row[c] / row[coordinate]
-    return True
+def _follow(rows: list[_Row], shares: Sequence[float]) -> tuple[list[_Row], bool]:
+    """Let a coordinate with these factors follow its inertia; also return whether it has any."""
+    inertia = sum(share * share for share in shares)
+    if inertia <= _ZERO:
+        return rows, False
+    pairs = list(zip(rows, shares, strict=True))
+    along = sum(share * v for (v, _), share in pairs) / inertia
+    about = sum(share * w for (_, w), share in pairs) / inertia
+    return [(v - share * along, w - share * about) for (v, w), share in pairs], True
 
 
 def _no_inertia(i: int, joint: Joint, carries: bool, last: bool) -> Fault:
