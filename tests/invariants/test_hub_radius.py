@@ -113,23 +113,3 @@ def test_derivatives_of_the_constants(path):
         found, _ = constants_at(arm, {path: value}, float)
         for a, b in zip(found, exact, strict=True):
             assert np.allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max(initial=0.0))
-
-
-def test_derivatives_by_the_length_of_a_link():
-    """The derivatives of discrete steps, against a central difference."""
-    from flexarm.linear.step_derivatives.parameters import constants_by
-
-    beam = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "elements": 2}
-    joints = [fa.Joint(hub_inertia=0.1)]
-
-    def constants(length):
-        link = fa.Link(length=length, hub_radius=0.2, **beam)
-        return fa.Arm(links=[link], joints=joints, theory="second_order")
-
-    by = constants_by(constants(0.8), "link_1.length")
-    step = 1e-4
-    above, below = (constants(0.8 * (1 + s * step)).assembly.constants for s in (1, -1))
-    for exact, high, low in zip(by, above, below, strict=True):
-        # The truncation of the difference is the square of the step.
-        scale = np.abs(high).max(initial=0.0)
-        assert np.allclose(exact, (high - low) / (2 * step), rtol=1e-6, atol=1e-6 * scale)

@@ -26,7 +26,7 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import carriers_of, check_joint
 from flexarm.arm.stations import place_gauges
 from flexarm.base.arguments import check_list_of
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem
 from flexarm.kernels.columns import GAP, MULTIPLIER
 from flexarm.kernels.compilation.cache import undecorated
 from flexarm.kernels.compilation.numbers import tanh
@@ -47,8 +47,8 @@ from flexarm.kernels.recursion.closures import closure_gaps
 from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics
 from flexarm.linear.statics.gaps import warn_of_bristles
-from flexarm.linear.step_derivatives.parameters import constants_at, same_arrays
-from flexarm.model.paths import number_at, number_paths, with_number
+from flexarm.linear.step_derivatives.parameters import check_closed_form, constants_at
+from flexarm.model.paths import number_at
 
 #: Array of objects: `Scalar` objects and numbers.
 Objects = NDArray[Any]
@@ -432,12 +432,6 @@ def _zeros(q: Objects) -> Objects:
     return np.zeros(len(q), dtype=object)
 
 
-#: Relative tolerance for rounding between formula and arm. Both start from the same numbers, and a
-#: factor of four is exact in binary, but the computation of sections rounds.
-_ROUNDING = 1e-9
-_MOST_LISTED = 12
-
-
 class ParametricArm:
     """Arm whose constants are functions of parameters, with prescribed joints by number.
 
@@ -454,8 +448,7 @@ class ParametricArm:
         for k, path in enumerate(self.paths):
             if path in self.paths[:k]:
                 raise InputError(Problem(names[k], f"repeats {path}"))
-            if not _is_exact(arm, path):
-                raise _not_exact(names[k], arm, path)
+            check_closed_form(names[k], arm, path)
         self._free = _free(arm, prescribed)
         warn_of_bristles(arm, "the exported model")
 
@@ -465,37 +458,6 @@ class ParametricArm:
         constants, rows = constants_at(self.arm, given)
         bodies = place_gauges(self.arm, self.arm.gauges)[1]
         return KernelCalls(self.arm, constants, bodies, rows, self._free)
-
-
-def _is_exact(arm: Arm, path: str) -> bool:
-    """Return whether the constants by formula equal those of an arm with another value."""
-    value = number_at("", arm.spec, path)
-    for other in (4.0 * value, 0.25 * value) if value else (0.25, -0.25):
-        try:
-            changed = Arm(with_number(arm.spec, path, other))
-        except InputError:  # the model limits this number on one side
-            continue
-        constants, rows = constants_at(arm, {path: other}, float)
-        places = arm.assembly.coordinates, changed.assembly.coordinates
-        exact = (*changed.assembly.constants, place_gauges(changed, changed.gauges)[0])
-        return np.array_equal(*places) and same_arrays(exact, (*constants, rows), _ROUNDING)
-    return False
-
-
-def _not_exact(name: str, arm: Arm, path: str) -> InputError:
-    rule = "be a parameter whose effect on the equations has a closed form"
-    if number_at(name, arm.spec, path) == 0.0:
-        hint = "It is 0 in this arm: the equations omit its terms, or no other value is valid."
-        return InputError(Problem(name, rule, shown(path), hint))
-    root = path.partition(".")[0]
-    near = [p for p in number_paths(arm.spec) if p.partition(".")[0] == root]
-    possible = [p for p in near[:64] if _is_exact(arm, p)]
-    listed = ", ".join(possible[:_MOST_LISTED]) or "none"
-    hint = (
-        f"It changes the form of the modes of a link, or moves a gauge. Possible for {root}: "
-        f"{listed}. For other values create another Arm."
-    )
-    return InputError(Problem(name, rule, shown(path), hint))
 
 
 def _free(arm: Arm, prescribed: Sequence[int]) -> FloatArray:

@@ -64,7 +64,7 @@ class MinimalCoordinates:
         if actuated is not None:
             places = np.unique(held_joints(arm, actuated, "actuated"))
         self.driven = np.isin(arm.joint_index, places)
-        self.drifting = _drifting(arm, contacts)
+        self.drifting = drifting(arm, contacts)
         self._fixed = places
         free = np.setdiff1d(everything, self.drifting)
         q = arm.rest(self.closed(posture))
@@ -193,7 +193,7 @@ class MinimalCoordinates:
         return torque, on[self.unbalanced] - moved[:, self.unbalanced].T @ torque[self.driven]
 
 
-def _drifting(arm: Arm, contacts: Sequence[Contact]) -> FloatArray:
+def drifting(arm: Arm, contacts: Sequence[Contact] = ()) -> FloatArray:
     """Return the indices in q of base coordinates on which neither force nor closure acts."""
     loose = np.array(loose_coordinates(arm, Environment((), None, contacts)), dtype=np.intp)
     if loose.size and arm.closure_rows:

@@ -13,6 +13,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.contract.base import Reference, SampledFeedforward, numbers
+from flexarm.control.design.minimal import drifting
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.kernels.columns import HAS_JOINT_LAWS
 from flexarm.kernels.controller_terms.rigid_terms import SET_COLUMNS, momentum, regressor
@@ -121,9 +122,7 @@ def _free_base(rigid: Arm) -> FollowingBase:
     Raises:
         InputError: if springs, dampers or gravity move the base, which no instrument reads.
     """
-    spec = rigid.spec
-    held = any((*spec.base.stiffness, *spec.base.damping))
-    if held or ("angle" in spec.base.free and any(spec.gravity)):
+    if drifting(rigid).size < len(rigid.assembly.base):
         rule = "is not supported for a base with springs or dampers, or that turns under gravity"
         raise InputError(Problem("the rigid model of a controller", rule))
     return FollowingBase(rigid)

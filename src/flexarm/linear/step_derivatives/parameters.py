@@ -7,7 +7,6 @@ needed, and the derivatives are exact for reduced modes too; theory page "separa
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -17,10 +16,9 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import constants_of_links, place_joints_and_payload
 from flexarm.arm.stations import place_gauges
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.model import ArmSpec, Link
-from flexarm.model.paths import number_at, with_number
+from flexarm.model.paths import number_at, number_paths, with_number
 
 #: Exponents of the constants of a body for a factor on its whole link. Constants that are not
 #: listed do not change. They are constants of the link about its root, without the hub.
@@ -34,45 +32,11 @@ POWERS["length"] |= dict(zip(_SCALED, _BY_LENGTH, strict=True))
 POWERS["length"] |= {"residual_inertia": (1.0, 2.0, 3.0), "residual_tip": (0.0, 1.0, -1.0, 0.0)}
 POWERS["mass"] = {"residual_inertia": 1.0, "N": -1.0, **dict(zip(_SCALED, _BY_MASS, strict=True))}
 POWERS["rigidity"] = {"w2": 1.0}
-_LINK = re.compile(r"link_(\d+)\.(length|mass|rigidity)")
-_PAYLOAD = ("payload.mass", "payload.inertia")
-
-
-def parameter_names(arm: Arm) -> tuple[str, ...]:
-    """Return the names of all parameters that ``constants_by`` accepts for this arm."""
-    links = [f"link_{i}.{name}" for i in range(1, arm.links + 1) for name in POWERS]
-    return (*links, *_PAYLOAD)
-
-
-def constants_by(arm: Arm, parameter: str) -> ArmConstants:
-    """Return the derivatives of all constants of an arm by a parameter.
-
-    Args:
-        parameter: "link_1.length", "link_1.mass" or "link_1.rigidity": derivative by a factor on
-            the whole link, at factor one; "mass" scales mass and rotary inertia, "rigidity" scales
-            bending and shear rigidity. "payload.mass" by kg, "payload.inertia" by kg m^2.
-    """
-    known = parameter_names(arm)
-    if parameter not in known:
-        raise InputError(Problem("parameters", f"be one of {', '.join(known)}", shown(parameter)))
-    scales: list[dict[str, Any]] = [{} for _ in arm.spec.links]
-    found = _LINK.fullmatch(parameter)
-    spec = arm.spec
-    if found is None:
-        value = number_at(parameter, spec, parameter) + 1j * STEP
-        spec = with_number(spec, parameter, value, checked=False)
-    else:
-        link, name = int(found[1]) - 1, found[2]
-        for piece in arm.assembly.pieces_of(link):
-            shapes = piece.shapes
-            if name == "length" and (np.any(shapes.rotary) or np.any(shapes.shear_parameter)):
-                rule = f"{parameter} is not supported for a link with rotary inertia or shear"
-                hint = "Its mode shapes depend on its length. "
-                hint += "Use rotary_inertia=False and no shear."
-                raise InputError(Problem("parameter", rule, hint=hint))
-        scales[link][name] = 1.0 + 1j * STEP
-    moved = _scaled_constants(arm, spec, scales, complex)
-    return ArmConstants(*(array.imag / STEP for array in moved))
+#: Relative tolerance for rounding between formula and arm. Both start from the same numbers, and a
+#: factor of four is exact in binary, but the computation of sections rounds.
+_ROUNDING = 1e-9
+#: Largest number of paths in the hint of a message.
+_MOST_LISTED = 12
 
 
 def constants_at(
@@ -94,6 +58,40 @@ def constants_at(
         rule = "is not supported for an arm whose joints are all on the tips of links"
         raise InputError(Problem(next(path for path in values if ".offset" in path), rule))
     return constants, _gauge_rows(arm, spec, scales, dtype)
+
+
+def _is_closed_form(arm: Arm, path: str) -> bool:
+    """Return whether the constants by formula equal those of an arm with another value."""
+    value = number_at("", arm.spec, path)
+    for other in (4.0 * value, 0.25 * value) if value else (0.25, -0.25):
+        try:
+            changed = Arm(with_number(arm.spec, path, other))
+        except InputError:  # the model limits this number on one side
+            continue
+        constants, rows = constants_at(arm, {path: other}, float)
+        places = arm.assembly.coordinates, changed.assembly.coordinates
+        exact = (*changed.assembly.constants, place_gauges(changed, changed.gauges)[0])
+        return np.array_equal(*places) and same_arrays(exact, (*constants, rows), _ROUNDING)
+    return False
+
+
+def check_closed_form(name: str, arm: Arm, path: str) -> None:
+    """Raise unless ``constants_at`` has a formula for the number at a path."""
+    if _is_closed_form(arm, path):
+        return
+    rule = "be a parameter whose effect on the equations has a closed form"
+    if number_at(name, arm.spec, path) == 0.0:
+        hint = "It is 0 in this arm: the equations omit its terms, or no other value is valid."
+        raise InputError(Problem(name, rule, shown(path), hint))
+    root = path.partition(".")[0]
+    near = [p for p in number_paths(arm.spec) if p.partition(".")[0] == root]
+    possible = [p for p in near[:64] if _is_closed_form(arm, p)]
+    listed = ", ".join(possible[:_MOST_LISTED]) or "none"
+    hint = (
+        f"It changes the form of the modes of a link, or moves a gauge. Possible for {root}: "
+        f"{listed}. For other values create another Arm."
+    )
+    raise InputError(Problem(name, rule, shown(path), hint))
 
 
 def _scaled_constants(

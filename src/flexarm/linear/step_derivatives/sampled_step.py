@@ -33,7 +33,7 @@ from flexarm.kernels.compilation.duals import DIRECTIONS, Duals
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants, Workspace
 from flexarm.linear.statics.gaps import warn_of_bristles
-from flexarm.linear.step_derivatives.parameters import constants_at, constants_by, same_arrays
+from flexarm.linear.step_derivatives.parameters import check_closed_form, constants_at, same_arrays
 from flexarm.model.paths import number_at, with_number
 from flexarm.model.quantities import Positive
 
@@ -80,8 +80,8 @@ def step_jacobian(
         step: length of the step, s.
         method: a one-step method of ``flexarm.integrate.INTEGRATORS``, explicit or implicit in
             bending. A method with step control takes this step without control.
-        parameters: "link_1.length", "link_1.mass", "link_1.rigidity": by a factor on the whole
-            link, at one; "payload.mass" by kg, "payload.inertia" by kg m^2.
+        parameters: paths of numbers of the arm, such as payload.mass or links[0].length. The
+            effect of a number on the equations must have a closed form.
 
     Raises:
         InputError: if an argument has the wrong shape or value, the method is not a one-step
@@ -111,10 +111,11 @@ def step_jacobian(
         perturbed = arm.padded_torque(held + _unit(joint, arm.joints))
         inputs.append(step_of(x, perturbed, exact).imag / STEP)
     named = {}
-    for parameter in parameters:
-        by = constants_by(arm, parameter)
-        moved = ArmConstants(*(c + 1j * STEP * d for c, d in zip(exact, by, strict=True)))
-        named[parameter] = step_of(x, tau, moved).imag / STEP
+    for path in parameters:
+        value = number_at("parameters", arm.spec, path)
+        check_closed_form("parameters", arm, path)
+        moved, _ = constants_at(arm, {path: value + 1j * STEP}, complex)
+        named[path] = step_of(x, tau, moved).imag / STEP
     after = step_of(x, tau, exact).real
     by_torque = np.stack(inputs, axis=1) if inputs else np.zeros((x.size, 0))
     by_state = np.stack(columns, axis=1)
