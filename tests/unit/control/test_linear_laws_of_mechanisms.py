@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from closed_mechanisms import five_bar
+from closed_mechanisms import cooperating_arms, five_bar
 from flexarm.control.analysis.margins import loop_at
+from flexarm.control.design.minimal import MinimalCoordinates
 
 DAMPED = {"modes": 2, "elements": 2, "damping": fa.ModalDamping(ratio=0.02)}
 POLE = fa.Link(length=0.8, flexural_rigidity=20.0, mass_per_length=0.5, **DAMPED)
@@ -175,3 +176,11 @@ def test_a_reference_that_opens_the_loops_is_refused():
     start = fa.equilibrium(case.arm, case.posture, held=[1, 3]).q
     with pytest.raises(fa.SimulationError, match="reference must close the loops"):
         fa.simulate(case.arm, 1.0, controller=case.law(), reference=motion, initial=start)
+
+
+def test_closures_between_links_do_not_hold_a_free_base():
+    closed = cooperating_arms()
+    arm = fa.Arm(**closed.fields)
+    coordinates = MinimalCoordinates(arm, [1], closed.joints)
+    assert coordinates.drifting.tolist() == [base.place for base in arm.assembly.base]
+    fa.LQG(arm, posture=closed.joints, actuated=[1], sample_time=1e-3)

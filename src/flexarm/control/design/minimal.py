@@ -196,7 +196,9 @@ class MinimalCoordinates:
 def drifting(arm: Arm, contacts: Sequence[Contact] = ()) -> FloatArray:
     """Return the indices in q of base coordinates on which neither force nor closure acts."""
     loose = np.array(loose_coordinates(arm, Environment((), None, contacts)), dtype=np.intp)
-    if loose.size and arm.closure_rows:
+    # Closures between links do not act on the base, but their rows depend on its angle while the
+    # loops are open.
+    if loose.size and any(closure.to_link is None for closure in arm.spec.closures):
         J = arm.closure_jacobian(arm.rest(np.zeros(arm.joints)))
         loose = loose[~np.any(J[:, loose], axis=0)]
     body = {coordinate.place: coordinate.body for coordinate in arm.assembly.base}

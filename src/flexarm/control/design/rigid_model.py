@@ -122,10 +122,11 @@ def _free_base(rigid: Arm) -> FollowingBase:
     Raises:
         InputError: if springs, dampers or gravity move the base, which no instrument reads.
     """
+    base = FollowingBase(rigid)
     if drifting(rigid).size < len(rigid.assembly.base):
         rule = "is not supported for a base with springs or dampers, or that turns under gravity"
         raise InputError(Problem("the rigid model of a controller", rule))
-    return FollowingBase(rigid)
+    return base
 
 
 #: Number of corrections of the sag at the first call. Each one reduces the error by about the ratio
