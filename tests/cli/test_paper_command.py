@@ -1,7 +1,6 @@
 """``flexarm paper`` writes every figure, the data and the numbers."""
 
 import html
-import os
 
 import numpy as np
 import pytest
@@ -98,14 +97,9 @@ def test_without_worker_processes_the_figures_are_the_same(done, tmp_path, monke
 
 @pytest.mark.parametrize("trouble", ["one core", "no processes"])
 def test_without_worker_processes_tasks_run_in_this_process(trouble, monkeypatch):
-    """They run in order when the block ends. The test above draws all figures in that way."""
     if trouble == "one core":
         monkeypatch.setattr(drawing, "usable_cores", lambda: 1)
     else:
         no_processes(monkeypatch)
-    ran = []
-    with drawing.Drawing() as tasks:
-        for number in range(3):
-            tasks.submit(ran.append, (os.getpid(), number))
-        assert ran == []
-    assert ran == [(os.getpid(), number) for number in range(3)]
+    with drawing.drawing() as draw:
+        assert draw is drawing.draw_figures

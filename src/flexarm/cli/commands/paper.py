@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from io import StringIO
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.console import Console, Group, RenderableType
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 
 _MOST_PROCESSES = 2  # more would not speed up the figures of the paper
-_Task = tuple[Callable[..., None], tuple[object, ...]]
 
 
 def load_plotting() -> None:
@@ -42,61 +41,26 @@ def draw_figures(names: Sequence[str], case: Histories, folder: Path) -> None:
             write_figure(figure, folder / f"{name}{suffix}")
 
 
-class Drawing:
-    """Pool of drawing processes as a context manager; its exit waits for all figures.
-
-    If no processes are available, the figures are drawn in this one.
-    """
-
-    def __init__(self) -> None:
-        self._pool: ProcessPoolExecutor | None = None
-        self._tasks: list[tuple[Future[None] | None, _Task]] = []
-
-    def __enter__(self) -> Drawing:
-        processes = min(_MOST_PROCESSES, usable_cores())
-        if processes > 1:
+@contextmanager
+def drawing() -> Iterator[Callable[..., None]]:
+    """Provide a function like `draw_figures`, in other processes if possible, and wait for it."""
+    try:
+        pool = process_pool(_MOST_PROCESSES, load_plotting) if usable_cores() > 1 else None
+    except (OSError, NotImplementedError, ImportError):  # no semaphores on this system
+        pool = None
+    if pool is None:
+        yield draw_figures
+        return
+    tasks: list[tuple[Future[None], tuple[Any, ...]]] = []
+    try:
+        yield lambda *arguments: tasks.append((pool.submit(draw_figures, *arguments), arguments))
+        for future, arguments in tasks:
             try:
-                self._pool = process_pool(processes, load_plotting)
-            except (OSError, NotImplementedError, ImportError):  # no semaphores on this system
-                self._pool = None
-        return self
-
-    def submit(self, function: Callable[..., None], *arguments: object) -> None:
-        """Schedule a function call, in another process if possible."""
-        future = None
-        if self._pool is not None:
-            try:
-                future = self._pool.submit(function, *arguments)
+                future.result()
             except BrokenProcessPool:
-                self._pool = None
-        self._tasks.append((future, (function, arguments)))
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            if error is None:
-                for future, task in self._tasks:
-                    _finish(future, *task)
-        finally:
-            if self._pool is not None:
-                self._pool.shutdown(wait=error is None, cancel_futures=True)
-
-
-def _finish(
-    future: Future[None] | None, function: Callable[..., None], arguments: tuple[object, ...]
-) -> None:
-    if future is not None:
-        try:
-            future.result()
-        except BrokenProcessPool:
-            pass
-        else:
-            return
-    function(*arguments)
+                draw_figures(*arguments)
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 #: Number of single figures that a process draws in one task.
@@ -134,7 +98,7 @@ def paper(
         from flexarm.view.reporting import template_engine
 
         template_engine()
-    with Drawing() as drawing:
+    with drawing() as draw:
         # Import here, because the other processes load Matplotlib at the same time.
         from flexarm.cases.results import write_result
         from flexarm.view.paper import FAST, SLOW, PaperCase, histories
@@ -144,11 +108,11 @@ def paper(
         shown = histories(slow)
         # The overview takes as long as seven single figures. Small tasks after it keep both
         # processes busy to the end.
-        drawing.submit(draw_figures, ["overview"], shown, out)
+        draw(["overview"], shown, out)
         for k in range(0, len(FIGURE_NAMES), _AT_ONCE):
-            drawing.submit(draw_figures, FIGURE_NAMES[k : k + _AT_ONCE], shown, out)
+            draw(FIGURE_NAMES[k : k + _AT_ONCE], shown, out)
         compared = histories(fast, ("flexible", "rigid", "second_order"))
-        drawing.submit(draw_figures, ["theories"], compared, out)
+        draw(["theories"], compared, out)
         text = Group(*_report(slow, fast))
         console().print(text)
         write_result(slow.flexible, out / "result.nc")

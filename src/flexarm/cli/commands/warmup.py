@@ -51,26 +51,19 @@ def warmup(
         compiled = _compile(None, every)
         screen.print("There is no C compiler (CC, cc) to link a library: each kernel has a file.")
     else:
+        from flexarm.kernels.compilation.build import link
+
         with tempfile.TemporaryDirectory() as scratch:
             compiled = _compile(Path(scratch), every)
-            for file in _linked(Path(scratch), folder, every):
+            try:
+                files = link(Path(scratch), folder, every)
+            except OSError as error:
+                rule = f"was not built: {error}"
+                raise InputError(Problem("the library of kernels", rule)) from None
+            for file in files:
                 screen.print(f"{file}: {file.stat().st_size / 1e6:.1f} MB")
     took = time.perf_counter() - started
     screen.print(f"Ready after {took:.0f} s; compiling took {compiled:.0f} s of one core.")
-
-
-def _linked(scratch: Path, folder: Path, every: bool) -> list[Path]:
-    """Link a library.
-
-    Raises:
-        InputError: if that is not possible.
-    """
-    from flexarm.kernels.compilation.build import link
-
-    try:
-        return link(scratch, folder, every)
-    except OSError as error:
-        raise InputError(Problem("the library of kernels", f"was not built: {error}")) from None
 
 
 def _compile(scratch: Path | None, every: bool) -> float:
