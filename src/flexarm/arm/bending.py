@@ -14,7 +14,6 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -113,12 +112,6 @@ class BendingErrors:
         bound = np.einsum("...ij,...ij,ij->...", eta, eta, self._rows)
         return np.asarray(bound < self._clearly_small)
 
-    def all_small(self, eta: FloatArray) -> NDArray[np.bool_]:
-        """Return ``surely_small`` (k,) for many states (k, n, m)."""
-        bounds = np.einsum("kij,kij,ij->k", eta, eta, self._rows)
-        small: NDArray[np.bool_] = bounds < self._clearly_small
-        return small
-
 
 def _paths(arm: Arm) -> list[tuple[list[int], list[float]]]:
     """Return the links from the base to each tip, and the lengths (m) beyond the tip of each."""
@@ -137,13 +130,6 @@ def _paths(arm: Arm) -> list[tuple[list[int], list[float]]]:
 
 #: Cached estimates for each arm's own theory.
 _of_arms: WeakKeyDictionary[Arm, BendingErrors] = WeakKeyDictionary()
-
-
-class _LargestDeflection(NamedTuple):
-    """Piece with the largest deflection relative to its length in a state; deflection in m."""
-
-    piece: Piece
-    deflection: float
 
 
 def theory_error(arm: Arm, states: FloatArray) -> str:
@@ -182,18 +168,17 @@ def _description(
     if worst is None:
         return None
     tip, link, at = worst
-    state = states[at]
-    bent = [
-        _LargestDeflection(
-            piece, abs(float(arm.assembly.constants.P[piece.body] @ state[0, piece.body, 1:]))
-        )
-        for piece in arm.assembly.pieces_of(link)
-    ]
-    piece, deflection = max(bent, key=lambda one: one.deflection / one.piece.shapes.length)
+    shapes, eta = arm.assembly.constants.P, states[at, 0, :, 1:]
+
+    def deflection_of(piece: Piece) -> float:
+        return abs(float(shapes[piece.body] @ eta[piece.body]))
+
+    pieces = arm.assembly.pieces_of(link)
+    piece = max(pieces, key=lambda piece: deflection_of(piece) / piece.shapes.length)
     name = f"link {link + 1}"
     if arm.spec.links[link].segments > 1:
         name = f"a segment of {name}"
-    length = piece.shapes.length
+    length, deflection = piece.shapes.length, deflection_of(piece)
     fact = (
         f"{name} deflects by up to {deflection:.3g} m, {deflection / length:.0%} of its length of "
         f"{length:.4g} m"

@@ -8,6 +8,7 @@ the axes of the base.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
@@ -51,26 +52,26 @@ class TimeTable(Record):
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        times, values = length_of(given.raw("times")), length_of(given.raw("values"))
-        if times == 0:
-            yield Fault(("times",), "is empty")
-        elif times is not None and values is not None and values != times:
-            yield Fault(("values",), f"have length {times}, one value for each time", str(values))
-        fault = cls._order_fault(given.times) if given.has("times") else None
-        if fault is not None:
-            k, rule = fault
-            yield Fault(("times", k), rule, shown(given.times[k]))
+        yield from table_faults(given)
 
-    @staticmethod
-    def _order_fault(times: Sequence[float]) -> tuple[int, str] | None:
-        """Return the index of the first time out of order and the rule; None if there is none."""
-        # Times ascend. Two equal times are a jump; a third equal time would be ambiguous.
-        for k in range(1, len(times)):
-            if times[k] < times[k - 1]:
-                return k, f"be at least {times[k - 1]:.9g} (the previous time)"
-            if k > 1 and times[k] == times[k - 2]:
-                return k, "occur at most twice"
-        return None
+
+def table_faults(given: Given, name: str = "values", jumps: bool = True) -> Iterator[Fault]:
+    """Yield the faults of a table over time, in which two equal times may be a jump."""
+    times, values = length_of(given.raw("times")), length_of(given.raw(name))
+    if times == 0:
+        yield Fault(("times",), "is empty")
+    elif times is not None and values is not None and values != times:
+        yield Fault((name,), f"have length {times}, one value for each time", str(values))
+    known = given.times if given.has("times") else ()
+    for k, (before, time) in enumerate(pairwise(known), start=1):
+        rule = ""
+        if time < before or (time == before and not jumps):
+            rule = f"be {'at least' if jumps else 'greater than'} {before:.9g} (the previous time)"
+        elif k > 1 and time == known[k - 2]:  # a third equal time would be ambiguous
+            rule = "occur at most twice"
+        if rule:
+            yield Fault(("times", k), rule, shown(time))
+            return
 
 
 class FactorTable(TimeTable):

@@ -83,7 +83,7 @@ class Observation:
         task: Sequence[Part],
     ) -> None:
         signals = {label: signal for item in instruments for label, signal in _named(item)}
-        reach = _reach_of(arm)
+        reach = arm.reach
         limits = {item.label: float(item.limit) for item in instruments}
         self.parts: list[Part] = []
         self._signals = [(label, signals[label]) for label in example]
@@ -136,11 +136,6 @@ def exact_instruments(arm: Arm, extra: Sequence[str] = ()) -> list[Instrument]:
     strain = ["strain"] if arm.gauges else []
     signals = ["joint_angle", "joint_rate", *strain, "tip", "tip_velocity", *extra]
     return [Instrument(signal=signal) for signal in signals]
-
-
-def _reach_of(arm: Arm) -> float:
-    """Return the length (m) of the straight arm."""
-    return arm.reach
 
 
 def _named(item: Instrument) -> list[tuple[str, object]]:
@@ -257,7 +252,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             torque_limit = _default_limit(given, hardware.motors)
         self.arm = arm or laboratory_arm()
         serial_only(self.arm.spec, "an environment of Gymnasium")
-        self.reach = _reach_of(self.arm)
+        self.reach = self.arm.reach
         #: Torques (joints,) N m of an action of 1.
         self.torque_limit = np.full(
             self.arm.joints,

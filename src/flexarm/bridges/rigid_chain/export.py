@@ -8,6 +8,7 @@ tip of a link is exact. Frequencies converge fast with the number of joints.
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -495,7 +496,7 @@ class _Part:
     def add(self, body: Body, root: complex, angle: float) -> None:
         """Add a body whose axes are at ``root`` with an angle, in those of this hinge."""
         mass = self.mass + body.mass
-        own = root + complex(*body.centre) * _turned(angle)
+        own = root + complex(*body.centre) * cmath.rect(1.0, angle)
         centre = (self.mass * self.centre + body.mass * own) / mass
         self.inertia += body.inertia + self.mass * abs(self.centre - centre) ** 2
         self.inertia += body.mass * abs(own - centre) ** 2
@@ -513,7 +514,7 @@ def _exudyn_script(chain: RigidChain, masses: list[Body], name: str) -> str:
     parts: list[_Part] = []
     root, angle, tip = 0j, 0.0, 0j  # axes of the last body, in those of its hinge
     for body in masses:
-        root += body.offset * _turned(angle)
+        root += body.offset * cmath.rect(1.0, angle)
         angle += body.angle
         if body.joint is not None:
             spring = body.stiffness, body.damping, body.rest_angle
@@ -522,7 +523,7 @@ def _exudyn_script(chain: RigidChain, masses: list[Body], name: str) -> str:
         if parts:  # a body welded to the base does not move
             parts[-1].add(body, root, angle)
         if body.name != "payload":
-            tip = root + body.length * _turned(angle)
+            tip = root + body.length * cmath.rect(1.0, angle)
     if not parts:
         raise InputError(Problem("arm", "has no joint that moves and no flexible link"))
     head = _SCRIPT.format(
@@ -537,7 +538,3 @@ def _exudyn_script(chain: RigidChain, masses: list[Body], name: str) -> str:
     )
     rest = files("flexarm.bridges.rigid_chain") / "exudyn_script.txt"
     return head + rest.read_text(encoding="utf-8")
-
-
-def _turned(angle: float) -> complex:
-    return complex(math.cos(angle), math.sin(angle))

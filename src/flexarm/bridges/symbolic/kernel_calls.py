@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from contextvars import ContextVar
 from functools import cache
+from operator import eq, ge, gt, le, lt, ne
 from typing import Any, ClassVar
 
 import numpy as np
@@ -136,32 +137,6 @@ class Scalar:
     def __abs__(self) -> Scalar:
         return self._new(self.library.fabs(self.value))  # abs needs CasADi 3.8
 
-    @_of_numbers
-    def __lt__(self, other: Any) -> Scalar:
-        return self._new(self.value < plain(other))
-
-    @_of_numbers
-    def __le__(self, other: Any) -> Scalar:
-        return self._new(self.value <= plain(other))
-
-    @_of_numbers
-    def __gt__(self, other: Any) -> Scalar:
-        return self._new(self.value > plain(other))
-
-    @_of_numbers
-    def __ge__(self, other: Any) -> Scalar:
-        return self._new(self.value >= plain(other))
-
-    @_of_numbers
-    def __eq__(self, other: Any) -> Any:
-        return self._new(self.value == plain(other))
-
-    @_of_numbers
-    def __ne__(self, other: Any) -> Any:
-        return self._new(self.value != plain(other))
-
-    __hash__ = object.__hash__
-
     def __float__(self) -> float:
         """Return the number of a constant expression; a symbol has none."""
         if not self._is_constant:
@@ -206,6 +181,14 @@ FUNCTIONS = (
 )
 for _name in FUNCTIONS:
     setattr(Scalar, _name, _method(_name))
+
+
+def _comparison(compare: Callable[[Any, Any], Any]) -> Callable[[Scalar, Any], Scalar]:
+    return _of_numbers(lambda self, other: self._new(compare(self.value, plain(other))))
+
+
+for _compare in (lt, le, gt, ge, eq, ne):
+    setattr(Scalar, f"__{_compare.__name__}__", _comparison(_compare))
 
 
 def _is(other: Any, number: float) -> bool:

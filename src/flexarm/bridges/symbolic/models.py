@@ -11,7 +11,7 @@ import numpy as np
 
 from flexarm.arm.arm import Arm, Energy
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.base.arguments import check_kind, library_missing
+from flexarm.base.arguments import library_missing
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.bridges.symbolic.kernel_calls import ParametricArm, objects, plain
 from flexarm.linear.statics.gaps import warn_of_creep
@@ -132,7 +132,6 @@ def casadi_model(
         import casadi
     except ImportError:
         raise library_missing("CasADi", "casadi") from None
-    check_kind("arm", arm, Arm)
     parametric = ParametricArm(arm, parameters, prescribed)
     sizes = {"q": arm.dof, "qd": arm.dof, "qdd": arm.dof, "torque": arm.joints, "tip_force": 3}
     sizes |= {"closure_forces": arm.closure_rows, "parameters": len(parametric.paths)}
@@ -395,7 +394,6 @@ def to_jax(arm: Arm, parameters: Sequence[str] = (), prescribed: Sequence[int] =
         import jax  # noqa: F401
     except ImportError:
         raise library_missing("JAX", "jax") from None
-    check_kind("arm", arm, Arm)
     model = JaxModel(ParametricArm(arm, parameters, prescribed))
     warn_of_creep(arm, "the exported model")
     return model

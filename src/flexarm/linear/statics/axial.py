@@ -34,8 +34,6 @@ LARGEST_SHARE = 1.0 / 3.0
 _NEGLIGIBLE = 0.01
 #: Samples of a period at which the loads are evaluated.
 _SAMPLES = 8
-#: Stride of the samples at which contacts are examined first.
-_STRIDE = 8
 _PAGE = "see docs/how-to/large-deflection.md."
 _NO_FORCES: FloatArray = np.zeros(0)
 
@@ -53,10 +51,12 @@ def geometric_stiffness(
     a hundredth of the buckling loads. Forces of contacts act as constant loads, and those of
     closures, (rows,), as their wrenches.
     """
-    here = np.zeros(1), *_at_rest(arm, q, environment)
-    small = not closure_forces.size and _estimate(arm).surely_small(*here, _NEGLIGIBLE)
-    if arm.spec.theory != "linear" or small:
-        return np.zeros((arm.dof, arm.dof))
+    nothing = np.zeros((arm.dof, arm.dof))
+    if arm.spec.theory != "linear":
+        return nothing
+    shares = _estimate(arm).shares(np.zeros(1), *_at_rest(arm, q, environment))
+    if not closure_forces.size and np.abs(shares).max(initial=0.0) < _NEGLIGIBLE:
+        return nothing
     loads = [*environment.loads, *_contact_loads(arm, q, environment.contacts)]
     second = _second_orders.get(arm)
     if second is None:
@@ -97,66 +97,12 @@ class AxialLoads:
         self._moment = body[:, FIRST_MOMENT_X] + self._tip[1]
         self._gravity = np.asarray(arm.spec.gravity, dtype=float)
         self._carriers = carriers_of(arm)
-        inner = np.array(self._carriers)
-        self._inner, self._outer = inner[inner >= 0], np.flatnonzero(inner >= 0)
-        self._slopes = np.zeros_like(constants.dP)
-        # The slope of a tip turns the bodies that it carries.
-        self._slopes[self._outer] = constants.dP[self._inner]
-        # A bound of the accelerations of bodies that slide would need those of their joints.
         self._sliding = np.flatnonzero(constants.slides)
-        self._still, self._moving = self._bounds(body[:, LENGTH])
-
-    def _bounds(self, lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of the shares by a field (pieces,), and by the motion (pieces, bodies).
-
-        The motion of a body is its squared rate plus the size of its angular acceleration.
-        """
-        n = lengths.size
-        places = np.hypot(*np.asarray(self._arm.assembly.constants.place, dtype=float).T)
-        roots = np.zeros((n, n))  # accelerations of the roots
-        beyond: list[list[int]] = [[] for _ in range(n)]  # the bodies that each one carries
-        for i, carrier in enumerate(self._carriers):
-            if carrier >= 0:
-                roots[i] = roots[carrier]
-                roots[i, carrier] += lengths[carrier] + places[i]
-        for i in reversed(range(n)):
-            if (carrier := self._carriers[i]) >= 0:
-                beyond[carrier] = [i, *beyond[i], *beyond[carrier]]
-        pulls = self._mass[:, None] * roots + np.diag(np.abs(self._moment))
-        still, moving = np.zeros(len(self._pieces)), np.zeros((len(self._pieces), n))
-        for k, piece in enumerate(self._pieces):
-            b, (tip, uniform, spinning) = piece.body, self._gains[k]
-            still[k] = uniform + tip * (self._tip[0][b] + self._mass[beyond[b]].sum())
-            moving[k] = (uniform + tip * self._tip[0][b]) * roots[b]
-            moving[k] += tip * pulls[beyond[b]].sum(axis=0)
-            moving[k, b] += spinning + uniform * piece.offset + tip * self._tip[1][b]
-        return still, moving
-
-    def surely_small(
-        self, times: FloatArray, states: FloatArray, acting: Acting, limit: float = LARGEST_SHARE
-    ) -> bool:
-        """Return whether a bound, much faster than the estimate, excludes shares above a limit."""
-        if not self._pieces:
-            return True
-        if self._sliding.size:
-            return False
-        inboard = np.zeros_like(states[:, 1, :, 1:])
-        inboard[:, self._outer] = states[:, 1, self._inner, 1:]
-        rates = states[:, 1, :, 0] + np.einsum("tij,ij->ti", inboard, self._slopes)
-        for i, carrier in enumerate(self._carriers):
-            if carrier >= 0:
-                rates[:, i] += rates[:, carrier]
-        motion = rates**2 + np.abs(self._turning(times, rates))
-        field = float(np.hypot(*self._gravity) + np.hypot(*acting.base.T).max())
-        force = acting.largest()
-        if acting.loads.contacts.body.size:
-            touching = contact_forces(self._arm, acting.loads.contacts, states[::_STRIDE])
-            force += float(np.hypot(touching[..., 0], touching[..., 1]).sum(axis=1).max())
-        most = motion @ self._moving.T + (self._still * field + self._gains[:, 0] * force)
-        return bool(most.max() < limit)
 
     def shares(self, times: FloatArray, states: FloatArray, acting: Acting) -> FloatArray:
         """Return the shares (samples, pieces), averages over the lowest period of each piece."""
+        if not self._pieces:
+            return np.zeros((len(times), 0))
         poses = poses_of(self._arm, states)
         place, angle, rate = poses[:, :, :2], poses[:, :, 2], poses[:, :, 5]
         turning, n = self._turning(times, rate), angle.shape[1]
@@ -232,8 +178,6 @@ class AxialLoads:
         if not acting.changing:  # a few samples in each period are enough
             stride = max(1, _window(times, float(self._periods.min())) // _SAMPLES)
             times, states = times[::stride], states[::stride]
-        if self.surely_small(times, states, acting):
-            return ""
         shares = self.shares(times, states, acting)
         lowest, highest = shares.min(axis=0), shares.max(axis=0)
         extreme = np.where(-lowest > highest, lowest, highest)
@@ -290,11 +234,6 @@ class Acting:
     def changing(self) -> bool:
         """Whether loads may change within a few samples."""
         return len(self.factors) > 1 or bool(self.loads.contacts.body.size)
-
-    def largest(self) -> float:
-        """Return the largest sum of the sizes of all loads (N)."""
-        sizes = np.abs(self.loads.weight) * np.hypot(*self.loads.value[:, :2].T)
-        return float((np.abs(self.factors) @ sizes).max(initial=0.0))
 
     def forces(
         self, arm: Arm, states: FloatArray, along: FloatArray

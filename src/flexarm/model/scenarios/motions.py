@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import FEEDFORWARD_DRIVES
 from flexarm.model.drives.base import OF_JOINTS
-from flexarm.model.environment import TimeTable
+from flexarm.model.environment import TimeTable, table_faults
 from flexarm.model.quantities import (
     Count,
     Direction,
@@ -203,12 +203,9 @@ class ForceTable(TimeTable):
     values: Listed[NonNegative]
     """The force at each time (N)."""
 
-    @staticmethod
-    def _order_fault(times: Sequence[float]) -> tuple[int, str] | None:
-        for k in range(1, len(times)):
-            if times[k] <= times[k - 1]:
-                return k, f"be greater than {times[k - 1]:.9g} (the previous time)"
-        return None
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        yield from table_faults(given, jumps=False)
 
 
 def _number_or_table(value: Any) -> str:

@@ -144,17 +144,10 @@ class TabulatedJoint(_PrescribedJoint):
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        times, angles = length_of(given.raw("times")), length_of(given.raw("angles"))
-        if times is not None and times < 2:
-            yield Fault(("times",), "have at least two values", str(times))
-        elif times is not None and angles is not None and angles != times:
-            yield Fault(("angles",), f"have length {times}, one value for each time", str(angles))
-        if given.has("times"):
-            for k in range(1, len(given.times)):
-                if given.times[k] <= given.times[k - 1]:
-                    rule = f"be greater than {given.times[k - 1]:.9g} (the previous time)"
-                    yield Fault(("times", k), rule, shown(given.times[k]))
-                    break
+        if length_of(given.raw("times")) == 1:
+            yield Fault(("times",), "have at least two values", "1")
+        else:
+            yield from environment.table_faults(given, "angles", jumps=False)
 
 
 PrescribedJoint = Annotated[

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.base.arguments import check_count, check_kind, check_mapping, check_positive
+from flexarm.base.arguments import check_count, check_kind, check_mapping
 from flexarm.base.errors import (
     FlexarmWarning,
     InputError,
@@ -27,7 +27,7 @@ from flexarm.identification.space import check_free
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.checks import checked_arguments
 from flexarm.model.identification import FreeParameter, RecordSettings
-from flexarm.model.quantities import Count
+from flexarm.model.quantities import Count, Positive
 from flexarm.planning.optimize.task import MotionLimits, Quantities, bounds_of, torque_limits
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.multisine import Multisine, multisine, rates_of, schroeder
@@ -94,11 +94,11 @@ def optimal_excitation(
     limits: MotionLimits,
     *,
     noise: Mapping[str, float],
-    period: float,
+    period: Positive,
     band: ArrayLike,
     lines: int = 8,
-    duration: float | None = None,
-    rate: float = 200.0,
+    duration: Positive | None = None,
+    rate: Positive = 200.0,
     start: ArrayLike | None = None,
     iterations: Count = 30,
 ) -> OptimalExcitation:
@@ -144,12 +144,10 @@ def optimal_excitation(
         raise InputError(Problem("noise", "must not be empty"))
     if np.any(arm.spec.gravity):
         raise InputError(Problem("arm", "has gravity, which is not supported"))
-    period = check_positive("period", period, "s")
-    whole = 2.0 * period if duration is None else check_positive("duration", duration, "s")
+    whole = 2.0 * period if duration is None else duration
     angles = np.zeros(arm.joints) if start is None else check_array("start", start, (arm.joints,))
     full = multisine(period, band, np.ones(arm.joints), rise=min(period, whole) / 8.0)
     first = _chosen(full, check_count("lines", lines, 2))
-    rate = check_positive("rate", rate, "Hz")
     first.samples(rate, whole)  # checks the rate
     experiment = _Experiment(arm, parameters, limits, dict(noise), whole, rate, angles, first)
     with warnings.catch_warnings():

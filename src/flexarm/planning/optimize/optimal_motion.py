@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.bending import one_warning, warn_of_bending, warn_of_first
-from flexarm.base.arguments import check_choice, check_count, check_kind, check_positive
+from flexarm.base.arguments import check_choice, check_count, check_kind
 from flexarm.base.errors import (
     AccuracyWarning,
     FlexarmError,
@@ -25,7 +25,7 @@ from flexarm.base.errors import (
 )
 from flexarm.linear import equilibrium, modes
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
-from flexarm.model.quantities import Count
+from flexarm.model.quantities import Count, Positive
 from flexarm.motion import Motion
 from flexarm.motion.dynamics.dynamics_along import MotionTorque
 from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
@@ -288,7 +288,7 @@ def optimal_motion(
     objective: str = "time",
     limits: MotionLimits | None = None,
     *,
-    duration: float | None = None,
+    duration: Positive | None = None,
     modes: int | None = None,
     guess: Motion | None = None,
     intervals: int | None = None,
@@ -346,7 +346,6 @@ def optimal_motion(
     begin, goal = (
         check_array(name, given, (arm.joints,)) for name, given in (("start", start), ("end", end))
     )
-    given = None if duration is None else check_positive("duration", duration, "s")
     if plant.joints != arm.joints:
         rule = f"have the number of joints of the arm ({arm.joints})"
         raise InputError(Problem("plant", rule, str(plant.joints)))
@@ -354,7 +353,7 @@ def optimal_motion(
     pieces = None if intervals is None else check_count("intervals", intervals, 2, _MOST_GIVEN)
     own = None if guess is None else check_motion(guess, arm)
     with one_warning() as bent:
-        task = task_of(arm, begin, goal, objective, limits, given, count)
+        task = task_of(arm, begin, goal, objective, limits, duration, count)
         straight = transcription.straight_motion(task) if own is None else own
         pieces = pieces or _default_intervals(task, straight.duration)
         first = transcription.shaped_guess(task, straight) if own is None else own

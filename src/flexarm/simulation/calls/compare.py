@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_kind, check_number, check_positive
+from flexarm.base.arguments import check_number, check_positive
 from flexarm.base.errors import (
     FlexarmError,
     FlexarmWarning,
@@ -96,7 +96,6 @@ def compare(
         UnstableLoopWarning: if the sampled loop of a run is unstable, as in ``simulate``;
             ``warning`` contains the text.
     """
-    arm = check_kind("arm", arm, Arm)
     plants = {"nominal": arm} if plants is None else plants
     given = {"controllers": controllers, "plants": plants, "references": references}
     for name in ("plant", "reference", "controller", "progress", "torque"):

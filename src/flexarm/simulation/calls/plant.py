@@ -15,9 +15,7 @@ from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.observe import contact_forces
 from flexarm.base.arguments import (
     check_count,
-    check_flag,
     check_kind,
-    check_positive,
     warn_of_degrees,
 )
 from flexarm.base.errors import (
@@ -33,6 +31,7 @@ from flexarm.base.errors import (
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Change, Contact, Hardware, Load
+from flexarm.model.quantities import Flag, Positive
 from flexarm.simulation.calls.preparation import check_loops, initial_state, new_run
 from flexarm.simulation.loop.control_loop import RunLoop
 from flexarm.simulation.loop.devices import TipMotion
@@ -95,7 +94,7 @@ class Plant:
     def __init__(
         self,
         arm: Arm,
-        sample_time: float = 1e-3,
+        sample_time: Positive = 1e-3,
         hardware: Hardware | None = None,
         *,
         tip_force: ArrayLike | None = None,
@@ -103,18 +102,17 @@ class Plant:
         base_acceleration: BaseAcceleration | None = None,
         contacts: Sequence[Contact] = (),
         changes: Sequence[Change] = (),
-        duration: float | None = None,
-        specialized: bool = False,
-        warn: bool = True,
+        duration: Positive | None = None,
+        specialized: Flag = False,
+        warn: Flag = True,
         settings: RunSettings | None = None,
         **keywords: Unpack[PlantSettings],
     ) -> None:
-        self.arm = arm = check_kind("arm", arm, Arm)
         if hardware is not None:
             check_kind("hardware", hardware, Hardware, "a Hardware object")
-        self.sample_time = check_positive("sample_time", sample_time)
+        self.arm, self.sample_time = arm, sample_time
         checked = settings_of(settings, keywords, Plant.__init__)
-        compiled = check_flag("specialized", specialized) or bool(settings and settings.specialized)
+        compiled = specialized or bool(settings and settings.specialized)
         environment = Environment.of(arm, tip_force, loads, base_acceleration, contacts)
         if duration is None:
             factors = [environment.base_acceleration, *(load.factor for load in environment.loads)]
@@ -122,8 +120,8 @@ class Plant:
                 rule = "is required with loads or a base acceleration that are functions of time"
                 hint = "Tables (times, values) do not need it."
                 raise InputError(Problem("duration", rule, hint=hint))
-        self.duration = math.inf if duration is None else check_positive("duration", duration)
-        self._hardware, self._warn = hardware, check_flag("warn", warn)
+        self.duration = math.inf if duration is None else duration
+        self._hardware, self._warn = hardware, warn
         self._bending, self._tip = BendingWatch(arm), TipMotion(arm)
         settings, meter = replaced(checked, specialized=compiled), Meter("stepping", False)
         span = settings, self.duration, np.zeros(0), self.sample_time

@@ -14,7 +14,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.bending import too_far_deviated
 from flexarm.arm.observe import channels_of
-from flexarm.base.arguments import check_choice, check_function, check_kind, check_positive
+from flexarm.base.arguments import check_choice, check_function
 from flexarm.base.errors import (
     InputError,
     LargeDeflectionWarning,
@@ -37,6 +37,7 @@ from flexarm.linear.small_deviations.along import (
 )
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
+from flexarm.model.quantities import Positive
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.motion import check_motion
@@ -59,7 +60,7 @@ _HALVINGS = 12
 def simulate_separated(
     arm: Arm,
     motion: Motion,
-    duration: float | None = None,
+    duration: Positive | None = None,
     *,
     method: str = "dynamic",
     joints: str = "free",
@@ -67,8 +68,8 @@ def simulate_separated(
     initial_deviation: ArrayLike | None = None,
     initial_deviation_rate: ArrayLike | None = None,
     breaks: ArrayLike = (),
-    rate: float = 1000.0,
-    rtol: float = RTOL,
+    rate: Positive = 1000.0,
+    rtol: Positive = RTOL,
 ) -> xr.Dataset:
     """Simulate an arm under the rigid torques of a motion, by the paper's separation.
 
@@ -100,31 +101,28 @@ def simulate_separated(
     Theory page "separation", (D.5) to (D.7).
     """
     started = time.perf_counter()
-    arm = check_kind("arm", arm, Arm)
     refuse_bristles(arm, "the separation", hint="fa.simulate supports them.")
     serial_only(arm.spec, "the separation", UNDRIVEN)
     motion = check_motion(motion, arm)
     method = check_choice("method", method, METHODS)
     model = linearize_along(arm, motion, joints=joints, times=np.zeros(1))
-    until = motion.end_time if duration is None else check_positive("duration", duration)
-    frequency = check_positive("rate", rate)
-    fault = sample_fault(until, frequency)
+    until = motion.end_time if duration is None else duration
+    fault = sample_fault(until, rate)
     if fault is not None:
         raise InputError(fault.problem())
-    count = int(np.floor(until * frequency * (1 + 1e-12))) + 1
-    times = np.minimum(np.arange(count) / frequency, until)
+    count = int(np.floor(until * rate * (1 + 1e-12))) + 1
+    times = np.minimum(np.arange(count) / rate, until)
     start = [
         _start("initial_deviation", initial_deviation, arm)[model.kept],
         _start("initial_deviation_rate", initial_deviation_rate, arm)[model.kept],
     ]
-    allowed = check_positive("rtol", rtol)
-    attributes: dict[str, Any] = {"method": method, "joints": joints, "rtol": allowed}
+    attributes: dict[str, Any] = {"method": method, "joints": joints, "rtol": rtol}
     added = None
     if added_torque is not None:
         check_function("added_torque", added_torque)
         # The result contains the torque, so its tolerance is at most the default of ``simulate``.
-        relative, name = min(allowed, CLOSE), "added_torque"
-        accuracy = relative, breaks, name, 1.0 / frequency
+        relative, name = min(rtol, CLOSE), "added_torque"
+        accuracy = relative, breaks, name, 1.0 / rate
         added = function_history(added_torque, until, arm.joints, *accuracy)
         attributes["shortest_feature"] = added.shortest_feature
     if method == "quasi_static":
@@ -140,7 +138,7 @@ def simulate_separated(
             raise InputError(Problem(name, rule))
         dq, dqd = _quasi_static(model, times, until)
     else:
-        path = _converged(model, until, start, added, allowed)
+        path = _converged(model, until, start, added, rtol)
         dq, dqd = path.at(times)
         attributes |= {"steps": len(path.edges) - 1, "step": float(np.max(np.diff(path.edges)))}
     attributes |= {

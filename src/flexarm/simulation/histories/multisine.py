@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.base.arguments import (
-    check_count,
     check_each,
     check_nonnegative,
     check_positive,
     check_times,
 )
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.model.quantities import Count, NonNegative, Positive
 from flexarm.model.scenarios.scenario import sample_fault
 from flexarm.simulation.histories.piecewise import FloatArray
 
@@ -115,7 +115,7 @@ class Multisine:
         return values.reshape(*times.shape, self.joints)
 
     @public_call
-    def samples(self, rate: float, duration: float) -> FloatArray:
+    def samples(self, rate: Positive, duration: Positive) -> FloatArray:
         """Return samples (samples, joints) from time 0 to ``duration`` (s) at ``rate`` (Hz), N m.
 
         They are for the output of a controller, or for ``simulate`` with the same ``rate``.
@@ -124,7 +124,6 @@ class Multisine:
             InputError: if the rate is not above twice the highest frequency, or a number is not
                 positive.
         """
-        rate, duration = check_positive("rate", rate, "Hz"), check_positive("duration", duration)
         highest = float(self.frequency_hz.max())
         if rate <= 2.0 * highest:
             raise InputError(Problem("rate", f"be greater than {2.0 * highest:g} Hz", shown(rate)))
@@ -180,7 +179,12 @@ def schroeder(count: int) -> NDArray[np.complex128]:
 
 @public_call
 def multisine(
-    period: float, band: ArrayLike, peak: ArrayLike, *, joints: int = 1, rise: float = 0.0
+    period: Positive,
+    band: ArrayLike,
+    peak: ArrayLike,
+    *,
+    joints: Count = 1,
+    rise: NonNegative = 0.0,
 ) -> Multisine:
     """Create a multisine with equal amplitudes and Schroeder phases in a band of frequencies.
 
@@ -200,7 +204,6 @@ def multisine(
     Raises:
         InputError: if an argument is not positive, or no multiple is in the band.
     """
-    period = check_positive("period", period, "s")
     low, high = check_array("band", band, (2,)).tolist()
     first = max(1, int(np.ceil(min(low * period * (1.0 - 1e-9), 1e15))))
     last = int(np.floor(min(high * period * (1.0 + 1e-9), 1e15)))
@@ -208,8 +211,8 @@ def multisine(
         rule = f"contain multiples of 1/period, {1.0 / period:.6g} Hz, the highest one {_HIGHEST}"
         raise InputError(Problem("band", rule, shown([low, high])))
     peaks = check_each("peak", peak, positive=True)
-    count = peaks.size if peaks.ndim else check_count("joints", joints)
+    count = peaks.size if peaks.ndim else joints
     harmonics = np.arange(first, last + 1)
     lines = np.repeat(schroeder(harmonics.size)[:, None], count, axis=1)
-    found = Multisine(period, harmonics, lines, check_nonnegative("rise", rise))
+    found = Multisine(period, harmonics, lines, rise)
     return found.scaled(np.broadcast_to(peaks, (count,)) / found.peak)

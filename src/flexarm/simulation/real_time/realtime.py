@@ -36,7 +36,7 @@ from flexarm.control.contract.base import (
 )
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.model import Link
-from flexarm.model.quantities import Flag
+from flexarm.model.quantities import Flag, Positive
 from flexarm.simulation.calls.plant import Plant
 from flexarm.simulation.calls.result import make_result
 from flexarm.simulation.loop.control_loop import sampled_reference
@@ -351,13 +351,13 @@ _LARGEST = 1000
 def realtime(
     plant: Plant | str,
     controller: Controller | str,
-    duration: float | None = None,
+    duration: Positive | None = None,
     reference: Reference | None = None,
     *,
     readings: Mapping[str, int] | None = None,
     clock: Flag = True,
-    answer_within: float | None = None,
-    timeout: float = 5.0,
+    answer_within: Positive | None = None,
+    timeout: Positive = 5.0,
 ) -> xr.Dataset:
     """Run a plant or a controller against the clock, also with the other one in another process.
 
@@ -408,7 +408,6 @@ def realtime(
     The plant requests a run with the number -2 and a random token; the controller answers with the
     same token and number, and in place of the time with the token of the run, also random.
     """
-    timeout = check_positive("timeout", timeout, "s")
     if reference is not None:
         check_reference(reference)
     if isinstance(plant, str):
@@ -423,7 +422,7 @@ def realtime(
     samples = _samples(plant, duration)
     within = 0.5 * h
     if answer_within is not None:
-        within = check_positive("answer_within", answer_within, "s")
+        within = answer_within
         if within > h:
             rule = f"be at most the sample time ({h:g} s)"
             raise InputError(Problem("answer_within", rule, shown(answer_within)))
@@ -459,9 +458,8 @@ def _samples(plant: Plant, duration: float | None) -> int:
         raise InputError(Problem("plant", "be at time zero", f"{plant.time:.6g} s", hint))
     if duration is None:
         raise InputError(Problem("duration", "is required with a plant"))
-    given = check_positive("duration", duration, "s")
     h = plant.sample_time
-    samples = check_count("duration / plant.sample_time", round(given / h), 1, 10**8)
+    samples = check_count("duration / plant.sample_time", round(duration / h), 1, 10**8)
     if samples * h > plant.duration * (1.0 + _ROUNDING):
         rule = f"be at most that of the plant ({plant.duration:g} s)"
         raise InputError(Problem("duration", rule, shown(duration)))

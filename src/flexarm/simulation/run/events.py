@@ -103,7 +103,7 @@ def joint_event(
         InputError: if the arm has no such joint, the joint has no limits but a stop is requested,
             or the angle is neither a number nor the name of a stop.
     """
-    index = check_joint(check_kind("arm", arm, Arm), "joint", joint)
+    index = check_joint(arm, "joint", joint)
     if isinstance(angle, str):
         limits = arm.spec.joints[joint - 1].limits
         if angle not in STOPS:
@@ -141,7 +141,6 @@ def tip_event(
     Raises:
         InputError: if ``point`` or ``normal`` is not a pair of numbers, or the normal is zero.
     """
-    arm = check_kind("arm", arm, Arm)
     place = check_array("point", point, (2,))
     across = check_direction("normal", normal)
     return Event(_TipDistance(arm, place, across), name, direction, terminal)
@@ -167,7 +166,6 @@ def contact_event(
     Raises:
         InputError: if ``contact`` is not a contact or its point is not on the arm.
     """
-    arm = check_kind("arm", arm, Arm)
     placed = place_contacts(arm, [check_kind("contact", contact, Contact)])
     return Event(_Gap(arm, placed, contact), name, direction, terminal)
 

@@ -75,7 +75,7 @@ class BendingWatch:
 
     def of_many(self, states: FloatArray) -> dict[int, str]:
         """Describe the errors at states (k, 2, n, 1 + m), by number, where they are not small."""
-        possible = np.flatnonzero(~self._errors.all_small(states[:, 0, :, 1:]))
+        possible = np.flatnonzero(~self._errors.surely_small(states[:, 0, :, 1:]))
         if not possible.size:
             return {}
         large = (self._errors.of_links(states[possible])[0] > self._allowed).any(axis=1)
