@@ -35,7 +35,6 @@ from flexarm.simulation.calls.preparation import (
     Situation,
     Torque,
     check_loops,
-    restarted,
     start_of,
     torque_history,
 )
@@ -365,7 +364,6 @@ class OpenLoop:
     def __init__(self, batch: Batch) -> None:
         self._batch = batch
         self._meter = Meter("simulating", False)
-        self._template: Run | None = None
         self._histories: dict[float, PiecewiseCubic] = {}
 
     def prepare(self) -> None:
@@ -412,9 +410,6 @@ class OpenLoop:
         """Return run k and its initial state."""
         own, shared = self._batch.runs, self._batch.shared
         arm = own.arm(k)
-        if self._template is not None:
-            state = self.start(k, arm)
-            return restarted(self._template, state, shared.settings), state
         initial, initial_rate = own.state_of(k)
         with self._batch.users:
             run = replace(
@@ -426,9 +421,6 @@ class OpenLoop:
             ).new_run(self._meter)
         state = run.progress.state
         run.loads_of = partial(self._loads, run.loads_of)
-        same = own.same_arm and run.changes is None
-        if same and not run.loads.placed.contacts.body.size and run.watch is None:
-            self._template = restarted(run, state, shared.settings)
         return run, state
 
     def _loads(self, loads_of: Any, relative: float) -> LoadHistory:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from inspect import signature
 from typing import Any
@@ -56,7 +56,7 @@ from flexarm.simulation.run.settings import (
     tolerances_of,
 )
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.tolerance import for_arm, tolerance_of
+from flexarm.simulation.run.tolerance import tolerance_of
 from flexarm.simulation.run.work import choose
 
 Torque = ArrayLike | Callable[[float], ArrayLike] | PiecewiseCubic
@@ -398,22 +398,6 @@ def new_run(
         changes=arm_changes(arm, changes, duration, log),
         environment=environment,
         doubt=choice.doubt,
-    )
-
-
-def restarted(run: Run, state: FloatArray, settings: RunSettings) -> Run:
-    """Return a run like one without contacts and events, from another initial state."""
-    tolerance = for_arm(run.tolerance, run.arm, state, run.horizon)
-    requested = settings.integrator, settings.step
-    choice = choose_integrator(*requested, run.arm, tolerance, 0.0, run.prescribed, run.horizon)
-    return replace(
-        run,
-        choice=choice,
-        integrator=choice.integrator,
-        tolerance=tolerance,
-        progress=Progress(0.0, state, 0.0),
-        samples=np.empty((len(run.sample_times), *state.shape)),
-        default_step=default_step(choice.integrator, tolerance),
     )
 
 
