@@ -11,7 +11,7 @@ import numpy as np
 
 from flexarm.arm.arm import Arm, Energy
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.base.arguments import library_missing
+from flexarm.base.arguments import check_kind, library_missing
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.bridges.symbolic.kernel_calls import ParametricArm, objects, plain
 from flexarm.linear.statics.gaps import warn_of_creep
