@@ -2,7 +2,7 @@
 
 Every part that moves has its places at the frames, between which browsers interpolate. Lengths are
 tenths of a pixel. Colours follow the scheme of the reader, light or dark. A reader who prefers
-reduced motion sees postures at several times.
+reduced motion sees postures at several times, as everybody does at the address FILE.svg#still.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ _STYLE = f"""text{{font:115px system-ui,sans-serif;fill:#555}}.title{{font-weigh
 .payload{{fill:{ORANGE}}}.goal{{fill:{GREEN}}}.still{{display:none}}
 @media(prefers-color-scheme:dark){{.paper,.joint{{fill:#14181d}}text{{fill:#b5bcc4}}
 .title,.end{{fill:#e6e9ed}}.link{{stroke:#56b4e9}}.rigid,.edge,.joint{{stroke:#dfe3e8}}
-.solid{{fill:#3a4048}}.foot{{fill:#5b636d}}}}
+.solid{{fill:#3a4048}}.foot{{fill:#5b636d}}.line[style*="0072B2"]{{stroke:#56b4e9!important}}
+tspan[style*="0072B2"]{{fill:#56b4e9!important}}}}
+#still:target~g .moving{{display:none}}#still:target~g .still{{display:inline}}
 @media(prefers-reduced-motion:reduce){{.moving{{display:none}}.still{{display:inline}}}}"""
 
 
@@ -50,14 +52,14 @@ def svg(scenes: Sequence[Scene], fps: float, speed: float, width: int) -> str:
     spans = np.maximum(spans, 1e-9 * spans.max() + 1e-300)
     scale = float(np.min((box - 2.0 * _EDGE * across) / spans))
     clock = _Clock(len(scenes[0].times), fps)
-    frame = f'width="{across:.0f}" height="{down:.0f}"'
     text = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{down / 10:.0f}" '
     text += f'viewBox="0 0 {across:.0f} {down:.0f}"><style>{_STYLE}</style>'
-    text += f'<rect class="paper" {frame} rx="60"/>'
+    text += f'<rect class="paper" width="{across:.0f}" height="{down:.0f}" rx="60"/>'
+    text += f'<clipPath id="box"><rect width="{box[0]:.0f}" height="{box[1]:.0f}"/></clipPath>'
+    text += '<g id="still"/>'
     for k, scene in enumerate(scenes):
-        size = f'width="{box[0]:.0f}" height="{box[1]:.0f}"'
         panel = "\n".join(_panel(scene, box, scale, clock))
-        text += f'\n<svg x="{k * box[0]:.0f}" {size}>{panel}</svg>'
+        text += f'\n<g transform="translate({k * box[0]:.0f})">{panel}</g>'
         for row, signals in enumerate(scene.histories):
             values = np.concatenate([each.histories[row].values.ravel() for each in scenes])
             text += _history(signals, values, scene.times, strip, box, clock, k, row)
@@ -98,8 +100,8 @@ def _panel(scene: Scene, box: FloatArray, scale: float, clock: _Clock) -> Iterab
         yield f'<text class="title" x="70" y="165">{escape(scene.title)}</text>'
     for solid in scene.solids:
         outline = np.concatenate([solid.course, solid.behind[::-1]])
-        yield f'<path class="solid" d="{_path(placed(outline[None]))}"/>'
-        yield f'<path class="edge" d="{_path(placed(solid.course[None]))}"/>'
+        for look, points in (("solid", outline), ("edge", solid.course)):
+            yield f'<path class="{look}" clip-path="url(#box)" d="{_path(placed(points[None]))}"/>'
     triangle = np.array([[0.0, 0.0], [-70.0, 110.0], [70.0, 110.0]])
     for foot in placed(scene.marks.feet):
         yield f'<path class="foot" d="{_path((foot + triangle)[None])}"/>'
@@ -198,9 +200,12 @@ def _history(
     x = left + wide * (signals.time - signals.time[0]) / max(float(times[-1] - times[0]), 1e-300)
     y = top + 150.0 + (strip - 220.0) * (high - signals.values) / max(high - low, 1e-300)
     end, start = f"{left + wide:.0f}", f"{left:.0f}"
-    bounds = "" if column else f", {low:.3g} to {high:.3g} {signals.unit}".replace("-", "−")
     names = list(zip(signals.labels, series_colors(len(signals.labels)), strict=True))
-    text = f'\n<text x="{start}" y="{top + 90:.0f}">{escape(signals.title)}{bounds}</text>'
+    text = ""
+    if not column:
+        bounds = f"{low:.3g} to {high:.3g} {signals.unit}".replace("-", "−")
+        title = f"{escape(signals.title)}, {bounds}"
+        text = f'\n<text x="{start}" y="{top + 90:.0f}">{title}</text>'
     if len(names) > 1:
         shown = " ".join(f'<tspan style="fill:{c}">{escape(name)}</tspan>' for name, c in names)
         text += f'<text class="right" x="{end}" y="{top + 90:.0f}">{shown}</text>'

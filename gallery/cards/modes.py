@@ -1,0 +1,21 @@
+"""Modes
+
+The first three modes of an arm with locked joints.
+
+[Find modes](../how-to/modes.md)
+"""
+
+import flexarm as fa
+
+rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 3}
+arm = fa.Arm(
+    links=[fa.Link(length=1.4, **rod), fa.Link(length=1.0, **rod)],
+    joints=[fa.Joint(fixed=True, mounting_angle=1.2), fa.Joint(fixed=True, mounting_angle=-1.0)],
+)
+modes = fa.modes(arm)
+runs = {}
+for k in range(3):
+    shape, hertz = modes.shapes[:, k], modes.frequency_hz[k]
+    start = 1e-3 * shape / abs(shape).max()
+    runs[f"{hertz:.1f} Hz"] = fa.simulate(arm, 2.0, initial=start, rate=1000.0)
+fa.animate(runs, "modes.svg", channels=[], torque=False, trace=False, speed=0.5, width=360)
