@@ -1,6 +1,6 @@
-"""Run every case and write docs/gallery: `make gallery`. Names of cases run those alone.
+"""Run every case and card, and write docs/gallery and docs/cards: `make gallery`.
 
-A page is written if all of its cases run.
+Names of cases or cards run those alone. A page of cases is written if all of its cases run.
 """
 
 from __future__ import annotations
@@ -8,16 +8,17 @@ from __future__ import annotations
 import sys
 import time
 
+from gallery import moving
 from gallery.cases import PAGES
 from gallery.report import FOLDER, picture, write_index, write_page
 
 
 def main(names: list[str]) -> int:
-    """Run the cases; 1 where a quantity agrees to fewer digits than required."""
+    """Run cases and cards; 1 where a quantity agrees to fewer digits than required."""
     cases = [case for page in PAGES for case in page.cases]
-    unknown = set(names) - {case.name for case in cases}
+    unknown = set(names) - {case.name for case in cases} - set(moving.NAMES)
     if unknown:
-        print(f"no such case: {', '.join(sorted(unknown))}", file=sys.stderr)
+        print(f"no such case or card: {', '.join(sorted(unknown))}", file=sys.stderr)
         return 2
     results = []
     for case in cases:
@@ -46,4 +47,8 @@ def main(names: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    chosen = sys.argv[1:]
+    status = main(chosen)
+    if status == 0 and (not chosen or set(chosen) & set(moving.NAMES)):
+        moving.write(chosen)
+    sys.exit(status)

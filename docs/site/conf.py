@@ -52,6 +52,7 @@ html_title = "flexarm"
 html_math_renderer = "mathml"
 html_static_path = [str(_FOLDER / "static")]
 html_css_files = ["site.css", "live.css"]
+html_js_files = ["pictures.js"]
 html_copy_source = False
 html_show_sphinx = False
 

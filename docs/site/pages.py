@@ -2,8 +2,8 @@
 
 The pages stay plain Markdown that reads well in a file browser. The copies made here differ in
 four ways: links that leave ``docs`` lead to copies, each page that is an index gets a table of
-contents of the pages that it links, pages with figures become notebooks, and live pages get their
-scripts.
+contents of the pages that it links, pages with figures and cards are also notebooks, and live pages
+get their scripts.
 """
 
 from __future__ import annotations
@@ -36,10 +36,11 @@ SECTIONS = {
     "Live pages": "live",
     "How-to guides": "how-to",
     "Reference": "reference",
+    "Cards": "cards",
     "Background": "",
 }
 #: Folders whose pages are notebooks if they draw.
-NOTEBOOKS = ("tutorials", "how-to")
+NOTEBOOKS = ("tutorials", "how-to", "cards")
 _LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
 #: Rows of a table of pictures, which do not decide the order of the navigation.
 _PICTURES = re.compile(r"^\| \[!\[.*$", re.MULTILINE)
@@ -53,7 +54,8 @@ def assemble(folder: Path, run: str) -> None:
 
     Args:
         folder: the empty folder. run: pattern of the pages with figures, such as
-            ``tutorials/*.md``, whose code is run; other pages show their code alone.
+            ``tutorials/*.md``, whose code is run; other pages show their code alone. All are
+            notebooks for their readers.
     """
     ignored = shutil.ignore_patterns("__pycache__", "site")
     shutil.copytree(DOCS, folder, ignore=ignored, dirs_exist_ok=True)
@@ -70,19 +72,20 @@ def assemble(folder: Path, run: str) -> None:
             text += "\n" + "".join(_SCRIPT.format(name) for name in scripts)
         page.write_text(text, encoding="utf-8")
         name = page.relative_to(folder)
-        if name.parts[0] in NOTEBOOKS and draws(text) and fnmatch(name.as_posix(), run):
-            _write_notebooks(page, text, folder / "notebooks")
+        if name.parts[0] in NOTEBOOKS and draws(text):
+            linked = _with_notebook(page, text, folder / "notebooks")
+            runs = name.parts[0] != "cards" and fnmatch(name.as_posix(), run)
+            page.write_text(runnable(linked) if runs else linked, encoding="utf-8")
     write_reference(folder / "reference")
 
 
-def _write_notebooks(page: Path, text: str, folder: Path) -> None:
-    """Replace a page by one that the build runs, and write the notebook for its readers."""
+def _with_notebook(page: Path, text: str, folder: Path) -> str:
+    """Write the notebook of a page, and return the text with a link to it."""
     name = page.with_suffix(".ipynb").name
     folder.mkdir(exist_ok=True)
     (folder / name).write_text(notebook(text), encoding="utf-8")
     title, _, rest = text.partition("\n")
-    link = f"{title}\n\nThis page is also a {{download}}`notebook <../notebooks/{name}>`.\n{rest}"
-    page.write_text(runnable(link), encoding="utf-8")
+    return f"{title}\n\nThis page is also a {{download}}`notebook <../notebooks/{name}>`.\n{rest}"
 
 
 def _source_of(page: Path) -> Path:
@@ -122,8 +125,10 @@ def _place_of(goal: Path) -> Path:
 
 def _contents(text: str, page: Path) -> str:
     """Return the hidden table of contents of an index: the pages it links, in their order."""
+    targets = [target for _, target, _ in _LINK.findall(text) if target.startswith("cards/")]
     text = _PICTURES.sub("", text)
-    linked = [target for _, target, _ in _LINK.findall(text) if target.endswith(".md")]
+    targets = [target for _, target, _ in _LINK.findall(text)] + targets
+    linked = [target for target in targets if target.endswith(".md")]
     linked = list(dict.fromkeys(linked))
     if len(page.parts) > 1:
         return _toctree("", [name for name in linked if "/" not in name])

@@ -11,8 +11,10 @@ import flexarm as fa
 
 damped = fa.RayleighDamping(stiffness_coefficient=0.02)
 column = {"length": 1.0, "flexural_rigidity": 1.0, "mass_per_length": 0.05, "damping": damped}
-link = fa.Link(elements=12, segments=12, modes=1, **column)
-arm = fa.Arm(links=[link], joints=[fa.Joint(fixed=True, mounting_angle=np.pi / 2)], theory="second_order")
+link = fa.Link(elements=8, segments=8, **column)
+arm = fa.Arm(
+    links=[link], joints=[fa.Joint(fixed=True, mounting_angle=np.pi / 2)], theory="second_order"
+)
 euler = np.pi**2 / 4  # N, of the clamped column
 run = fa.simulate(arm, 6.0, tip_force=(0.02, -1.15 * euler), rate=100.0)
 fa.animate(run, "buckling.svg", channels="link_tip_deflection", torque=False, width=360)

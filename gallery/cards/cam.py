@@ -12,10 +12,11 @@ import flexarm as fa
 arm = fa.Arm(
     links=[
         fa.Link(length=0.1, mass_per_length=2.0, flexible=False),
-        fa.Link(length=0.6, flexural_rigidity=4.0, mass_per_length=0.4, parent=0, modes=3),
+        fa.Link(length=0.6, flexural_rigidity=12.0, mass_per_length=0.4, parent=0, modes=3),
     ],
-    joints=[fa.Joint(), fa.Joint(offset=(-0.35, 0.1), stiffness=20.0, rest_angle=-0.3)],
+    joints=[fa.Joint(), fa.Joint(offset=(-0.35, 0.1), stiffness=12.0, rest_angle=-0.4)],
     payload=fa.Payload(mass=0.1),
+    theory="second_order",
     closures=[
         fa.Closure(
             kind="curve",
@@ -27,9 +28,9 @@ arm = fa.Arm(
         )
     ],
 )
-speed = 12.0  # rad/s
+speed = 6.0  # rad/s
 start = fa.assembled(arm, arm.rest([0.0, 0.0]), arm.rest([speed, 0.0]), held=[1])
 turn = fa.PrescribedAngle(lambda t: speed * t, lambda t: speed, lambda t: 0.0)
 options = {"initial": start.q, "initial_rate": start.qd, "prescribed": {1: turn}}
-run = fa.simulate(arm, 3 * 2 * np.pi / speed, rate=1000.0, **options)
-fa.animate(run, "cam.svg", channels=[], torque=False, trace=False, speed=0.4, width=360)
+run = fa.simulate(arm, 2 * 2 * np.pi / speed, rate=1000.0, **options)
+fa.animate(run, "cam.svg", channels=[], torque=False, trace=False, speed=0.4, fps=20, width=360)

@@ -7,7 +7,9 @@ Ten steel strips fall from a horizontal line; energy is constant, and the end wh
 
 import flexarm as fa
 
-strip = fa.Link(length=0.2, material="steel", section=fa.Rectangle(width=0.02, height=0.003), elements=1)
-chain = fa.Arm(links=[strip] * 10, gravity=(0.0, -9.81))
-run = fa.simulate(chain, 2.4, rate=200.0)
-fa.animate(run, "chain.svg", channels="kinetic_energy", torque=False, speed=0.5, width=360)
+strip = fa.Link(
+    length=0.2, material="steel", section=fa.Rectangle(width=0.02, height=0.003), elements=1
+)
+arm = fa.Arm(links=[strip] * 10, gravity=(0.0, -9.81))
+run = fa.simulate(arm, 2.4, rate=200.0)
+fa.animate(run, "chain.svg", channels="kinetic_energy", torque=False, speed=0.6, fps=20, width=360)

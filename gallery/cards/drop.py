@@ -7,7 +7,7 @@ The gripper opens on the way: the links spring back and ring.
 
 import flexarm as fa
 
-rod = {"flexural_rigidity": 400.0, "mass_per_length": 0.61732}
+rod = {"flexural_rigidity": 800.0, "mass_per_length": 0.61732}
 rod |= {"damping": fa.ModalDamping(ratio=0.01)}
 arm = fa.Arm(
     links=[fa.Link(length=1.4, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)],

@@ -11,7 +11,7 @@ import flexarm as fa
 
 block = {"length": 0.1, "flexible": False}
 beam = {"flexural_rigidity": 15.0, "mass_per_length": 0.5, "elements": 2}
-gantry = fa.Arm(
+arm = fa.Arm(
     links=[
         fa.Link(mass_per_length=20.0, **block),
         fa.Link(mass_per_length=10.0, **block),
@@ -24,7 +24,7 @@ gantry = fa.Arm(
     ],
     payload=fa.Payload(mass=0.3),
 )
-motion = fa.joint_motion(gantry, [0.0, 0.0], [1.5, 0.3], duration=1.0, start_time=0.2)
+motion = fa.joint_motion(arm, [0.0, 0.0], [1.5, 0.3], duration=1.0, start_time=0.2)
 law = fa.JointPD(proportional=2000.0, derivative=300.0)
-run = fa.simulate(gantry, 3.5, controller=law, reference=motion)
+run = fa.simulate(arm, 3.5, controller=law, reference=motion)
 fa.animate(run, "gantry.svg", channels=[], torque=False, width=360)

@@ -18,13 +18,14 @@ def bench(rigidity, mass):
     )
 
 
-model, real = bench(30.0, 0.2), bench(18.0, 0.4)
+model, arm = bench(120.0, 0.2), bench(80.0, 0.4)
 turn = fa.joint_motion(model, [0.3], [1.8], duration=0.6)
 drive = {"controller": fa.JointPD([100.0], [10.0]), "reference": turn}
-measured = fa.simulate(real, 1.5, rate=200.0, **drive)
+measured = fa.simulate(arm, 1.5, rate=200.0, **drive)
 record = fa.MeasuredRecord(measured, outputs=["joint_angle", "strain"], **drive)
 fit = fa.identify(model, record, ["links[0].flexural_rigidity", "payload.mass"])
-print(fit)
-runs = {n: fa.simulate(a, 1.5, **drive) for n, a in {"data sheet": model, "identified": fit.arm}.items()}
+runs = {
+    n: fa.simulate(a, 1.5, **drive) for n, a in {"data sheet": model, "identified": fit.arm}.items()
+}
 look = {"channels": "link_tip_deflection", "torque": False, "trace": False}
 fa.animate(runs, "identification.svg", rigid=measured, speed=0.5, width=360, **look)

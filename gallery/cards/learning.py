@@ -18,14 +18,14 @@ def two_links(payload, softer=1.0):
     return fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=payload))
 
 
-model, plant = two_links(0.1), two_links(0.3, softer=0.8)
+model, arm = two_links(0.1), two_links(0.3, softer=0.8)
 motion = fa.joint_motion(model, [0.2, -0.4], [1.4, 0.7], 0.8)
 pd = fa.JointPD([20.0, 8.0], [3.0, 0.8], feedforward=fa.rigid_torque(model, motion))
 learned = fa.iterative_learning(
-    model, motion, pd, duration=1.0, interval=0.01, effort=1e-4, trials=6, plant=plant
+    model, motion, pd, duration=1.0, interval=0.01, effort=1e-4, trials=6, plant=arm
 )
 runs = {
-    name: fa.simulate(plant, 1.0, controller=law, reference=motion, rate=500.0)
+    name: fa.simulate(arm, 1.0, controller=law, reference=motion, rate=500.0)
     for name, law in {"first trial": pd, "after six": learned.controller}.items()
 }
 fa.animate(runs, "learning.svg", reference=motion, channels=[], torque=False, speed=0.4, width=360)

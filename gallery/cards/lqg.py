@@ -1,13 +1,17 @@
 """LQG beside PD
 
-Both hold the same posture after a push; the regulator sees the vibration in the strain.
+Both follow a line; the regulator reads the strain of the links and leaves no vibration.
 
 [Control with linear models](../how-to/control-linear.md)
 """
 
 import flexarm as fa
 
-rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "damping": fa.ModalDamping(ratio=0.01)}
+rod = {
+    "flexural_rigidity": 105.0,
+    "mass_per_length": 0.61732,
+    "damping": fa.ModalDamping(ratio=0.01),
+}
 rod |= {"gauges": [fa.Gauge(station=0.05, distance=0.005)]}
 arm = fa.Arm(
     links=[fa.Link(length=1.4142, elements=2, **rod), fa.Link(length=1.0, elements=1, **rod)],

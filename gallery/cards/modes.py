@@ -1,6 +1,6 @@
 """Modes
 
-The first three modes of an arm with locked joints.
+The first three modes of vibration of a mast of two links.
 
 [Find modes](../how-to/modes.md)
 """
@@ -10,12 +10,13 @@ import flexarm as fa
 rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 3}
 arm = fa.Arm(
     links=[fa.Link(length=1.4, **rod), fa.Link(length=1.0, **rod)],
-    joints=[fa.Joint(fixed=True, mounting_angle=1.2), fa.Joint(fixed=True, mounting_angle=-1.0)],
+    joints=[fa.Joint(fixed=True, mounting_angle=1.5708), fa.Joint(fixed=True)],
 )
 modes = fa.modes(arm)
 runs = {}
 for k in range(3):
     shape, hertz = modes.shapes[:, k], modes.frequency_hz[k]
-    start = 1e-3 * shape / abs(shape).max()
-    runs[f"{hertz:.1f} Hz"] = fa.simulate(arm, 2.0, initial=start, rate=1000.0)
-fa.animate(runs, "modes.svg", channels=[], torque=False, trace=False, speed=0.5, width=360)
+    start = 1e-4 * shape / abs(shape).max()
+    runs[f"{hertz:.1f} Hz"] = fa.simulate(arm, 1.2, initial=start, rate=1000.0)
+look = {"channels": [], "torque": False, "trace": False, "magnify": 1000.0}
+fa.animate(runs, "modes.svg", speed=0.25, fps=20, width=360, **look)

@@ -13,7 +13,7 @@ arm = fa.Arm(
     joints=[fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.02, mass=0.3)],
     payload=fa.Payload(mass=0.2),
 )
-post = fa.RoundWall((1.25, 0.75), 0.25)
+post = fa.RoundWall((1.55, 1.0), 0.25)
 limits = fa.MotionLimits(torque=[6.0, 2.0], joint_rate=4.0, obstacles=[post], clearance=0.02)
 start, end = [0.0, 0.3], [1.2, 0.6]
 motion = fa.optimal_motion(arm, start, end, "energy", limits, duration=1.6, intervals=80)

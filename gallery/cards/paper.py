@@ -1,4 +1,4 @@
-"""The paper's arm
+"""Arm of the paper
 
 Two links follow a line with the torques of the rigid arm: they bend, miss the line and ring.
 
@@ -15,4 +15,12 @@ arm = fa.Arm(
 )
 line = fa.line_motion(arm, start=(2.0, 1.0), end=(1.0, 2.0), duration=1.0)
 run = fa.simulate(arm, 1.8, torque=fa.rigid_torque(arm, line), rate=500.0)
-fa.animate(run, "paper.svg", reference=line, channels="link_tip_deflection", torque=False, speed=0.5, width=360)
+fa.animate(
+    run,
+    "paper.svg",
+    reference=line,
+    channels="link_tip_deflection",
+    torque=False,
+    speed=0.5,
+    width=360,
+)

@@ -7,12 +7,25 @@ A shaped motion takes half a period longer and leaves no vibration.
 
 import flexarm as fa
 
-beam = fa.Link(length=1.0, flexural_rigidity=30.0, mass_per_length=0.4, elements=2)
-arm = fa.Arm(links=[beam], joints=[fa.Joint(hub_inertia=0.2)], payload=fa.Payload(mass=0.3))
-plain = fa.joint_motion(arm, [0.5], [1.8], duration=0.8, start_time=0.1)
-stiff = fa.JointPD([500.0], [40.0])
+beam = fa.Link(length=1.0, flexural_rigidity=60.0, mass_per_length=0.4, elements=2)
+arm = fa.Arm(
+    links=[beam],
+    joints=[fa.Joint(hub_inertia=0.2)],
+    payload=fa.Payload(mass=0.3),
+    theory="second_order",
+)
+plain = fa.joint_motion(arm, [0.5], [1.6], duration=0.55, start_time=0.1)
+stiff = fa.JointPD([2000.0], [120.0])
 runs = {
-    name: fa.simulate(arm, 3.0, controller=stiff, reference=motion, rate=300.0)
+    name: fa.simulate(arm, 2.0, controller=stiff, reference=motion, rate=300.0)
     for name, motion in {"plain": plain, "shaped": fa.shaped(plain, arm, "zvd")}.items()
 }
-fa.animate(runs, "shaping.svg", channels="link_tip_deflection", torque=False, trace=False, width=360)
+fa.animate(
+    runs,
+    "shaping.svg",
+    speed=0.5,
+    channels="link_tip_deflection",
+    torque=False,
+    trace=False,
+    width=360,
+)

@@ -17,6 +17,7 @@ arm = fa.Arm(
     ],
     joints=[fa.Joint(), fa.Joint(), fa.Joint(kind="prismatic")],
     closures=[fa.Closure(link=2, to_link=3, to_station=0.0)],
+    theory="second_order",
 )
 speed = 25.0  # rad/s
 start = fa.assembled(arm, arm.rest([0.0, 0.0, 0.65]), arm.rest([speed, 0.0, 0.0]), held=[1])

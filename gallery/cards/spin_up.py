@@ -16,7 +16,9 @@ w = 2.0 * np.pi / ramp
 
 
 def angle(t):
-    return spin / ramp * (t**2 / 2 + (np.cos(w * t) - 1) / w**2) if t < ramp else spin * (t - ramp / 2)
+    return (
+        spin / ramp * (t**2 / 2 + (np.cos(w * t) - 1) / w**2) if t < ramp else spin * (t - ramp / 2)
+    )
 
 
 def rate(t):

@@ -9,11 +9,10 @@ import flexarm as fa
 
 strip = fa.Link(
     length=1.0,
-    flexural_rigidity=0.6,
+    flexural_rigidity=0.4,
     mass_per_length=0.1,
-    elements=16,
-    segments=16,
-    modes=1,
+    elements=12,
+    segments=12,
     damping=fa.RayleighDamping(stiffness_coefficient=0.01),
 )
 arm = fa.Arm(links=[strip], theory="second_order")

@@ -203,7 +203,9 @@ def _history(
     names = list(zip(signals.labels, series_colors(len(signals.labels)), strict=True))
     text = ""
     if not column:
-        bounds = f"{low:.3g} to {high:.3g} {signals.unit}".replace("-", "−")
+        least = 1e-6 * max(high, -low)  # smaller values are errors of rounding
+        ends = [value if abs(value) > least else 0.0 for value in (low, high)]
+        bounds = f"{ends[0]:.3g} to {ends[1]:.3g} {signals.unit}".replace("-", "−")
         title = f"{escape(signals.title)}, {bounds}"
         text = f'\n<text x="{start}" y="{top + 90:.0f}">{title}</text>'
     if len(names) > 1:

@@ -1,0 +1,140 @@
+"""Cards: moving pictures with their scripts. `make gallery` runs the scripts and writes the pages.
+
+A card is a script in ``gallery/cards``: its docstring has a title, a sentence, and a link to read
+on; its code simulates ``arm`` and saves an animation. The page shows the code that made it.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import os
+import re
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import flexarm as fa
+
+ROOT = Path(__file__).resolve().parent.parent
+SCRIPTS, FOLDER = ROOT / "gallery" / "cards", ROOT / "docs" / "cards"
+ENTRY, OVERVIEW = ROOT / "docs" / "index.md", ROOT / "docs" / "images" / "cards.svg"
+#: Names of the scripts, in the order of the entry page.
+NAMES = (
+    *("paper", "whip", "boom", "chain", "four_bar", "slider_crank", "five_bar", "cam"),
+    *("gantry", "crane", "free_flyer", "spin_up", "buckling", "modes", "bounce", "wiping"),
+    *("drop", "shaping", "inversion", "obstacle", "strain_feedback", "lqg", "learning"),
+    "identification",
+)
+#: Cards of the picture of the README, four in a row.
+SHOWN = ("paper", "whip", "four_bar", "wiping", "crane", "bounce", "shaping", "obstacle")
+_COLUMNS, _GAP = 4, 80
+
+_PAGE = """# {title}
+
+![{title}]({name}.svg)
+
+{sentence}
+
+```python
+{code}
+```
+
+The file [{name}.yaml]({name}.yaml) contains the arm. `flexarm studio {name}.yaml` opens it in the
+[studio](../how-to/studio.md). Read on: {more}. [All cards](../index.md)
+"""
+
+
+@dataclass(frozen=True)
+class Card:
+    """A script with its texts.
+
+    Attributes:
+        name: of the script, the picture and the page. title, sentence: of the page. more: Markdown
+            link to a page about the subject. code: without the docstring.
+    """
+
+    name: str
+    title: str
+    sentence: str
+    more: str
+    code: str
+
+
+def card(name: str) -> Card:
+    """Read a card."""
+    text = (SCRIPTS / f"{name}.py").read_text(encoding="utf-8")
+    title, sentence, more = (ast.get_docstring(ast.parse(text)) or "").split("\n\n")
+    code = text.split('"""', 2)[2].strip()
+    return Card(name, title, sentence, more, code)
+
+
+CARDS = tuple(map(card, NAMES))
+
+
+def run(shown: Card, folder: Path) -> None:
+    """Run the script of a card: it writes its picture into a folder, and the arm beside it."""
+    scope: dict[str, object] = {"__name__": "__main__"}
+    with contextlib.chdir(folder), warnings.catch_warnings():
+        warnings.simplefilter("error", fa.FlexarmWarning)
+        exec(compile(shown.code, f"{shown.name}.py", "exec"), scope)
+        arm = scope["arm"]
+        assert isinstance(arm, fa.Arm)
+        fa.save_arm(arm, f"{shown.name}.yaml")
+
+
+def page_text(shown: Card) -> str:
+    """Return the page of a card."""
+    return _PAGE.format(**vars(shown))
+
+
+def table(cards: Sequence[Card] = CARDS) -> str:
+    """Return the table of the entry page."""
+    lines = ["| " * _COLUMNS + "|", "| --- " * _COLUMNS + "|"]
+    for first in range(0, len(cards), _COLUMNS):
+        cells = [
+            f"[![{each.title}](cards/{each.name}.svg)](cards/{each.name}.md)<br>"
+            f"**[{each.title}](cards/{each.name}.md)** {each.sentence}"
+            for each in cards[first : first + _COLUMNS]
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def with_table(text: str) -> str:
+    """Return the entry page with the table of today's cards."""
+    parts = re.split(r"(<!-- (?:begin|end) cards -->)", text)
+    parts[2] = f"\n\n{table()}\n\n"
+    return "".join(parts)
+
+
+def overview(names: Sequence[str] = SHOWN) -> str:
+    """Return one picture of several cards; browsers do not play pictures inside pictures."""
+    style, shapes = "", []
+    wide = high = 0
+    for place, name in enumerate(names):
+        text = (FOLDER / f"{name}.svg").read_text(encoding="utf-8").replace("box", f"box-{place}")
+        head, style, content = re.split(r"<style>|</style>", text)
+        size = re.search(r'viewBox="0 0 (\d+) (\d+)"', head)
+        assert size is not None
+        wide, high = int(size[1]) + _GAP, int(size[2]) + _GAP
+        x, y = place % _COLUMNS * wide, place // _COLUMNS * high
+        content = content.removesuffix("</svg>\n").replace('<g id="still"/>', "")
+        shapes.append(f'<g transform="translate({x} {y})">{content}</g>')
+    wide, high = _COLUMNS * wide - _GAP, -(-len(names) // _COLUMNS) * high - _GAP
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide} {high}">'
+    return f"{head}<style>{style}</style>{''.join(shapes)}</svg>\n"
+
+
+def write(names: Sequence[str]) -> None:
+    """Run cards, and write their pages, the entry page and the overview."""
+    FOLDER.mkdir(exist_ok=True)
+    for shown in CARDS:
+        if not names or shown.name in names:
+            run(shown, FOLDER)
+            size = os.path.getsize(FOLDER / f"{shown.name}.svg")
+            print(f"{shown.name}: {size / 1e3:.0f} kB")
+        (FOLDER / f"{shown.name}.md").write_text(page_text(shown), encoding="utf-8")
+    ENTRY.write_text(with_table(ENTRY.read_text(encoding="utf-8")), encoding="utf-8")
+    OVERVIEW.write_text(overview(), encoding="utf-8")
