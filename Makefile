@@ -7,7 +7,8 @@ WORKERS ?= 2
 PIP_OPTIONS ?=
 # Seed of the random examples; without one they are the same in every run.
 SEED ?=
-# With FULL=1 the suite simulates all runs of the longest tables on pages, not a sample of them.
+# With FULL=1 the suite simulates all runs of the longest tables on pages, not a sample of them, and
+# `make docs` runs the notebooks of the site.
 FULL ?=
 # Interpreters of `make test-pythons`: those on the path that start.
 PYTHONS ?= $(foreach v,3.11 3.12 3.13 3.14,$(shell python$(v) -c "import sys; print(sys.executable)" 2>/dev/null))
@@ -38,6 +39,12 @@ $(VENV)/.ready-demo: pyproject.toml
 $(VENV)/.ready-dev: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	FLEXARM_BUILD=pure $(BIN)/python -m pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --editable ".[dev]"
+	touch $@
+
+# What the site needs, and no more.
+$(VENV)/.ready-docs: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	FLEXARM_BUILD=pure $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
 	touch $@
 
 # The programs that `make peers` compares with; their tests then run in `make test` too.
@@ -88,8 +95,8 @@ test-numba: ## the same with the next Numba, pre-releases included, whatever pyp
 dist: $(VENV)/.ready-dev ## build the wheel and the source archive into dist
 	$(BIN)/python -m hatchling build --clean
 
-docs: $(VENV)/.ready-dev ## build the documentation site: out/site/html/index.html
-	$(BIN)/python docs/site
+docs: $(VENV)/.ready-docs ## build the documentation site: out/site/html/index.html; FULL=1 also runs its notebooks
+	$(BIN)/python docs/site $(if $(FULL),,--run "")
 
 conformance: $(VENV)/.ready-dev ## after an addition: which parts are missing in the code, the tests and the pages?
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal \
@@ -133,9 +140,9 @@ bench: $(VENV)/.ready-dev ## measure speed; tables and figures in docs/performan
 peers: $(VENV)/.ready-peers ## compare trajectories with Exudyn and MuJoCo; fetches all peers from PyPI (some hundred MB)
 	$(BIN)/python -m peers
 
-gallery: $(VENV)/.ready-dev ## compare with known answers; tables and pictures in docs/gallery, and the picture of the README
+gallery: $(VENV)/.ready-dev ## compare with known answers, and draw all pictures: docs/gallery, docs/cards, docs/images
 	$(BIN)/python -m gallery
-	$(BIN)/python docs/images/draw.py
+	$(BIN)/python docs/images/drawings.py
 
 clean: ## forget the environment and everything made
 	rm -rf .venv .venv-* dist out .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
