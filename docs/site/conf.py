@@ -22,7 +22,13 @@ project = "flexarm"
 author = copyright = "The flexarm developers"
 version = release = fa.__version__
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "equations", "search_excerpts"]
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "equations",
+    "search_excerpts",
+]
 exclude_patterns = ["notebooks", "files"]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4

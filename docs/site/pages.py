@@ -40,7 +40,7 @@ SECTIONS = {
     "Background": "",
 }
 #: Folders whose pages are notebooks if they draw.
-NOTEBOOKS = ("tutorials", "how-to", "cards")
+NOTEBOOKS = ("tutorials", "how-to")
 _LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
 #: Rows of a table of pictures, which do not decide the order of the navigation.
 _PICTURES = re.compile(r"^\| \[!\[.*$", re.MULTILINE)
@@ -72,9 +72,10 @@ def assemble(folder: Path, run: str) -> None:
             text += "\n" + "".join(_SCRIPT.format(name) for name in scripts)
         page.write_text(text, encoding="utf-8")
         name = page.relative_to(folder)
-        if name.parts[0] in NOTEBOOKS and draws(text):
+        card = name.parts[0] == "cards"
+        if card or (name.parts[0] in NOTEBOOKS and draws(text)):
             linked = _with_notebook(page, text, folder / "notebooks")
-            runs = name.parts[0] != "cards" and fnmatch(name.as_posix(), run)
+            runs = not card and fnmatch(name.as_posix(), run)
             page.write_text(runnable(linked) if runs else linked, encoding="utf-8")
     write_reference(folder / "reference")
 

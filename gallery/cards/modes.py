@@ -15,8 +15,8 @@ arm = fa.Arm(
 modes = fa.modes(arm)
 runs = {}
 for k in range(3):
-    shape, hertz = modes.shapes[:, k], modes.frequency_hz[k]
-    start = 1e-4 * shape / abs(shape).max()
+    start = 1e-3 * modes.shapes[k] / abs(modes.displacements()[k]).max()  # the mast moves by 1 mm
+    hertz = modes.frequency_hz[k]
     runs[f"{hertz:.1f} Hz"] = fa.simulate(arm, 1.2, initial=start, rate=1000.0)
-look = {"channels": [], "torque": False, "trace": False, "magnify": 1000.0}
+look = {"channels": [], "torque": False, "trace": False, "magnify": 250.0}
 fa.animate(runs, "modes.svg", speed=0.25, fps=20, width=360, **look)

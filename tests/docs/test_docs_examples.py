@@ -40,7 +40,12 @@ from flexarm.model.file_format.files import load_hardware
 from flexarm.model.identification import locate_identification
 
 RUNNING = ("yaml", "python", "bash")
-PAGES = [page for page in pages() if any(block.language in RUNNING for block in blocks(page))]
+#: Pages of cards are made of scripts, which tests/gallery/test_moving.py runs.
+PAGES = [
+    page
+    for page in pages()
+    if any(block.language in RUNNING for block in blocks(page)) and "docs/cards/" not in page
+]
 #: Simulate all cells of all tables, instead of a sample of those of the longest ones.
 FULL = bool(os.environ.get("FULL_PAGES"))
 #: Commands that run in separate tests only; `warmup` compiles or loads all machine code.

@@ -1,0 +1,89 @@
+"""The pictures of the entry page are those of the scripts that their pages show."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gallery.moving import (
+    CARDS,
+    ENTRY,
+    FOLDER,
+    NAMES,
+    OVERVIEW,
+    SCRIPTS,
+    Card,
+    overview,
+    page_text,
+    run,
+    with_table,
+)
+
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+#: Of a picture, tenths of a pixel of 3600: other processors round otherwise, which impacts enlarge.
+_AWAY = 30.0
+LARGEST, LARGEST_SUM = 200_000, 3_000_000  # bytes
+
+
+def test_every_script_is_a_card() -> None:
+    assert sorted(NAMES) == sorted(path.stem for path in SCRIPTS.glob("*.py"))
+    assert len(CARDS) == 24
+    assert len({card.title for card in CARDS}) == len(CARDS)
+
+
+def test_pages_are_those_of_the_scripts() -> None:
+    for card in CARDS:
+        stored = (FOLDER / f"{card.name}.md").read_text(encoding="utf-8")
+        assert stored == page_text(card), "run `make gallery`"
+        assert card.sentence.count(".") == 1
+        assert "\n" not in card.sentence
+    entry = ENTRY.read_text(encoding="utf-8")
+    assert entry == with_table(entry), "run `make gallery`"
+    assert OVERVIEW.read_text(encoding="utf-8") == overview(), "run `make gallery`"
+
+
+def test_pictures_are_small() -> None:
+    sizes = [(FOLDER / f"{name}.svg").stat().st_size for name in NAMES]
+    assert max(sizes) < LARGEST
+    assert sum(sizes) + OVERVIEW.stat().st_size < LARGEST_SUM
+
+
+def places(text: str) -> list[np.ndarray]:
+    """Return the points of the animated parts of a picture, one array for each value."""
+    found = []
+    for values in re.findall(r' values="([^"]*)"', text):
+        for value in values.split(";"):
+            numbers = [float(number) for number in _NUMBER.findall(value)]
+            if value.startswith("M"):  # points are relative to the one before
+                lines = [
+                    np.reshape(np.float64(_NUMBER.findall(k)), (-1, 2))
+                    for k in value.split("M")[1:]
+                ]
+                numbers = (
+                    np.concatenate([np.cumsum(line, axis=0) for line in lines]).ravel().tolist()
+                )
+            found.append(np.array(numbers))
+    return found
+
+
+@pytest.mark.sampled("boom")
+@pytest.mark.parametrize("card", CARDS, ids=NAMES)
+def test_script_makes_the_picture(card: Card, tmp_path: Path) -> None:
+    run(card, tmp_path)
+    made, stored = (
+        (folder / f"{card.name}.svg").read_text(encoding="utf-8") for folder in (tmp_path, FOLDER)
+    )
+    assert re.sub(_NUMBER, "", re.sub(r'"[^"]*"', "", made)) == re.sub(
+        _NUMBER, "", re.sub(r'"[^"]*"', "", stored)
+    ), "run `make gallery`"
+    pairs = list(zip(places(made), places(stored), strict=True))
+    assert len(pairs) > 100
+    for ours, theirs in pairs:
+        scale = 1e4 / 3600.0 if ours.size == 1 else 1.0  # the path of the tip counts to 10,000
+        np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=_AWAY * scale)
+    arms = [
+        (folder / f"{card.name}.yaml").read_text(encoding="utf-8") for folder in (tmp_path, FOLDER)
+    ]
+    assert re.sub(_NUMBER, "", arms[0]) == re.sub(_NUMBER, "", arms[1])
