@@ -1,7 +1,7 @@
 """Cards: moving pictures with their scripts. `make gallery` runs the scripts and writes the pages.
 
 A card is a script in ``gallery/cards``: its docstring has a title, a sentence, and a link to read
-on; its code simulates ``arm`` and saves an animation. The page shows the code that made it.
+on; its code simulates ``arm``, and its last expression is an animation. The page shows the code.
 """
 
 from __future__ import annotations
@@ -10,12 +10,14 @@ import ast
 import contextlib
 import os
 import re
+import tempfile
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import flexarm as fa
+from gallery.moving_svg import svg
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS, FOLDER = ROOT / "gallery" / "cards", ROOT / "docs" / "cards"
@@ -30,6 +32,7 @@ NAMES = (
 #: Cards of the picture of the README, four in a row.
 SHOWN = ("paper", "whip", "four_bar", "wiping", "crane", "bounce", "shaping", "obstacle")
 _COLUMNS, _GAP = 4, 80
+WIDTH = 360  # of a picture, pixels
 
 _PAGE = """# {title}
 
@@ -74,14 +77,24 @@ CARDS = tuple(map(card, NAMES))
 
 
 def run(shown: Card, folder: Path) -> None:
-    """Run the script of a card: it writes its picture into a folder, and the arm beside it."""
+    """Run the script of a card, and write its picture and its arm into a folder."""
     scope: dict[str, object] = {"__name__": "__main__"}
-    with contextlib.chdir(folder), warnings.catch_warnings():
+    *statements, last = ast.parse(shown.code).body
+    assert isinstance(last, ast.Expr)
+    file = f"{shown.name}.py"
+    with (
+        tempfile.TemporaryDirectory() as elsewhere,
+        contextlib.chdir(elsewhere),
+        warnings.catch_warnings(),
+    ):
         warnings.simplefilter("error", fa.FlexarmWarning)
-        exec(compile(shown.code, f"{shown.name}.py", "exec"), scope)
-        arm = scope["arm"]
-        assert isinstance(arm, fa.Arm)
-        fa.save_arm(arm, f"{shown.name}.yaml")
+        exec(compile(ast.Module(statements, []), file, "exec"), scope)
+        animation = eval(compile(ast.Expression(last.value), file, "eval"), scope)
+    arm = scope["arm"]
+    assert isinstance(arm, fa.Arm)
+    fa.save_arm(arm, folder / f"{shown.name}.yaml")
+    text = svg(animation.scenes, animation.fps, animation.speed, WIDTH)
+    (folder / f"{shown.name}.svg").write_text(text, encoding="utf-8")
 
 
 def page_text(shown: Card) -> str:

@@ -1,5 +1,6 @@
 """Draw the frames, signs and parts that the pages name: ``python docs/images/drawings.py``."""
 
+# ruff: noqa: RUF005 (sums of arrays)
 from __future__ import annotations
 
 import re
@@ -14,7 +15,8 @@ _FOLDER = Path(__file__).resolve().parent
 _STYLE = """text{font:15px system-ui,sans-serif;fill:#262626}.m{font:italic 18px Georgia,serif}
 path{fill:none;stroke:#262626;stroke-width:1.4;stroke-linecap:round;stroke-linejoin:round}
 .paper{fill:#fff}.link{stroke:#0072b2;stroke-width:4}.rigid{stroke-width:4}.thin{stroke:#8c8c8c;stroke-width:1}
-.dash{stroke:#8c8c8c;stroke-dasharray:6 4}.force{stroke:#d55e00;stroke-width:2}.angle{stroke:#009e73;stroke-width:1.6}
+.dash{stroke:#8c8c8c;stroke-dasharray:6 4}
+.force{stroke:#d55e00;stroke-width:2}.angle{stroke:#009e73;stroke-width:1.6}
 .torque{stroke:#b04f86;stroke-width:2}.solid{fill:#d9d9d9;stroke:none}.joint{fill:#fff}.load{fill:#e69f00;stroke:none}
 .body{fill:#bfbfbf;stroke:none}.c-force{fill:#d55e00}.c-angle{fill:#00805d}.c-torque{fill:#b04f86}.c-thin{fill:#6d6d6d}
 .c-link{fill:#0072b2}.mid{text-anchor:middle}.end{text-anchor:end}
@@ -222,7 +224,7 @@ def loads() -> Drawing:
     """Loads on a link."""
     draw = Drawing(640, 300)
     base = np.array([60.0, 70.0])
-    link, tangent = bent(base, 32.0, 460.0, -18.0)
+    link, _ = bent(base, 32.0, 460.0, -18.0)
     draw.line([base, base + 130 * unit(32.0)], "dash")
     draw.line(link, "link")
     draw.ground(base)

@@ -17,4 +17,4 @@ lift = fa.joint_motion(arm, [0.2, -0.6], [1.0, -1.4], duration=2.0, start_time=0
 drives = fa.JointPD([2e5, 5e4], [4e4, 1e4], feedforward=fa.rigid_torque(arm, lift))
 start = fa.equilibrium(arm, [0.2, -0.6]).q
 run = fa.simulate(arm, 4.5, controller=drives, reference=lift, initial=start, rate=200.0)
-fa.animate(run, "boom.svg", channels="link_tip_deflection", torque=False, width=360)
+fa.animate(run, "boom.html", channels="link_tip_deflection", torque=False)

@@ -17,4 +17,4 @@ arm = fa.Arm(
 )
 euler = np.pi**2 / 4  # N, of the clamped column
 run = fa.simulate(arm, 6.0, tip_force=(0.02, -1.15 * euler), rate=100.0)
-fa.animate(run, "buckling.svg", channels="link_tip_deflection", torque=False, width=360)
+fa.animate(run, "buckling.html", channels="link_tip_deflection", torque=False)

@@ -33,4 +33,4 @@ start = fa.assembled(arm, arm.rest([0.0, 0.0]), arm.rest([speed, 0.0]), held=[1]
 turn = fa.PrescribedAngle(lambda t: speed * t, lambda t: speed, lambda t: 0.0)
 options = {"initial": start.q, "initial_rate": start.qd, "prescribed": {1: turn}}
 run = fa.simulate(arm, 2 * 2 * np.pi / speed, rate=1000.0, **options)
-fa.animate(run, "cam.svg", channels=[], torque=False, trace=False, speed=0.4, fps=20, width=360)
+fa.animate(run, "cam.html", channels=[], torque=False, trace=False, speed=0.4, fps=20)

@@ -12,4 +12,4 @@ strip = fa.Link(
 )
 arm = fa.Arm(links=[strip] * 10, gravity=(0.0, -9.81))
 run = fa.simulate(arm, 2.4, rate=200.0)
-fa.animate(run, "chain.svg", channels="kinetic_energy", torque=False, speed=0.6, fps=20, width=360)
+fa.animate(run, "chain.html", channels="kinetic_energy", torque=False, speed=0.6, fps=20)

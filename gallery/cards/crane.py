@@ -20,4 +20,4 @@ luff = fa.joint_motion(arm, low, high, 2.0, start_time=0.3)
 drives = fa.JointPD([1e5, 0.0], [2e4, 0.0], feedforward=lambda t: [11e3 * np.cos(0.7), 0.0])
 start = fa.equilibrium(arm, low).q
 run = fa.simulate(arm, 6.0, controller=drives, reference=luff, initial=start, rate=100.0)
-fa.animate(run, "crane.svg", channels=[], torque=False, speed=1.5, width=360)
+fa.animate(run, "crane.html", channels=[], torque=False, speed=1.5)

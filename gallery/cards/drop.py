@@ -21,4 +21,4 @@ drop = fa.Change("payload.mass", at=1.0, to=0.0)
 start = fa.equilibrium(arm, [0.3, -0.9]).q
 run = fa.simulate(arm, 2.5, controller=drives, reference=lift, initial=start, changes=[drop])
 look = {"channels": "link_tip_deflection", "torque": False, "trace": False}
-fa.animate(run, "drop.svg", speed=0.5, width=360, **look)
+fa.animate(run, "drop.html", speed=0.5, **look)

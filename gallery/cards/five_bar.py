@@ -26,4 +26,4 @@ drives = fa.JointPD(
     [20, 0, 20, 0], [1, 0, 1, 0], feedforward=fa.rigid_torque(arm, line, actuated=[1, 3])
 )
 run = fa.simulate(arm, 1.4, controller=drives, reference=line, rate=500.0)
-fa.animate(run, "five_bar.svg", reference=line, channels=[], torque=False, speed=0.4, width=360)
+fa.animate(run, "five_bar.html", reference=line, channels=[], torque=False, speed=0.4)

@@ -25,4 +25,4 @@ start = fa.assembled(arm, guess, arm.rest([speed, 0.0, 0.0]), held=[1])
 turn = fa.PrescribedAngle(lambda t: 1.0 + speed * t, lambda t: speed, lambda t: 0.0)
 options = {"initial": start.q, "initial_rate": start.qd, "prescribed": {1: turn}}
 run = fa.simulate(arm, 3 * 2 * np.pi / speed, rate=1000.0, **options)
-fa.animate(run, "four_bar.svg", channels=[], torque=False, trace=False, speed=0.4, width=360)
+fa.animate(run, "four_bar.html", channels=[], torque=False, trace=False, speed=0.4)

@@ -22,4 +22,4 @@ arm = fa.Arm(
 reach = fa.joint_motion(arm, [-0.7, -0.7], [1.2, 1.2], 1.5, start_time=0.2)
 drives = fa.JointPD([20.0, 20.0], [2.0, 2.0])
 run = fa.simulate(arm, 3.0, controller=drives, reference=reach, rate=300.0)
-fa.animate(run, "free_flyer.svg", channels=[], torque=False, speed=0.7, width=360)
+fa.animate(run, "free_flyer.html", channels=[], torque=False, speed=0.7)

@@ -27,4 +27,4 @@ arm = fa.Arm(
 motion = fa.joint_motion(arm, [0.0, 0.0], [1.5, 0.3], duration=1.0, start_time=0.2)
 law = fa.JointPD(proportional=2000.0, derivative=300.0)
 run = fa.simulate(arm, 3.5, controller=law, reference=motion)
-fa.animate(run, "gantry.svg", channels=[], torque=False, width=360)
+fa.animate(run, "gantry.html", channels=[], torque=False)

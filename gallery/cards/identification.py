@@ -28,4 +28,4 @@ runs = {
     n: fa.simulate(a, 1.5, **drive) for n, a in {"data sheet": model, "identified": fit.arm}.items()
 }
 look = {"channels": "link_tip_deflection", "torque": False, "trace": False}
-fa.animate(runs, "identification.svg", rigid=measured, speed=0.5, width=360, **look)
+fa.animate(runs, "identification.html", rigid=measured, speed=0.5, **look)

@@ -18,5 +18,5 @@ runs = {
     name: fa.simulate(arm, 1.8, torque=torque, initial=inverse.initial, rate=500.0)
     for name, torque in torques.items()
 }
-look = {"channels": "link_tip_deflection[1]", "torque": False, "speed": 0.5, "width": 360}
-fa.animate(runs, "inversion.svg", reference=line, **look)
+look = {"channels": "link_tip_deflection[1]", "torque": False, "speed": 0.5}
+fa.animate(runs, "inversion.html", reference=line, **look)

@@ -28,4 +28,4 @@ runs = {
     name: fa.simulate(arm, 1.0, controller=law, reference=motion, rate=500.0)
     for name, law in {"first trial": pd, "after six": learned.controller}.items()
 }
-fa.animate(runs, "learning.svg", reference=motion, channels=[], torque=False, speed=0.4, width=360)
+fa.animate(runs, "learning.html", reference=motion, channels=[], torque=False, speed=0.4)

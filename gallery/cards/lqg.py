@@ -24,5 +24,5 @@ laws = {
     "LQG": fa.LQG(arm, **design),
 }
 runs = {n: fa.simulate(arm, 2.5, controller=law, reference=line) for n, law in laws.items()}
-look = {"channels": "link_tip_deflection[1]", "torque": False, "speed": 0.7, "width": 360}
-fa.animate(runs, "lqg.svg", reference=line, **look)
+look = {"channels": "link_tip_deflection[1]", "torque": False, "speed": 0.7}
+fa.animate(runs, "lqg.html", reference=line, **look)

@@ -19,4 +19,4 @@ for k in range(3):
     hertz = modes.frequency_hz[k]
     runs[f"{hertz:.1f} Hz"] = fa.simulate(arm, 1.2, initial=start, rate=1000.0)
 look = {"channels": [], "torque": False, "trace": False, "magnify": 250.0}
-fa.animate(runs, "modes.svg", speed=0.25, fps=20, width=360, **look)
+fa.animate(runs, "modes.html", speed=0.25, fps=20, **look)

@@ -18,4 +18,4 @@ limits = fa.MotionLimits(torque=[6.0, 2.0], joint_rate=4.0, obstacles=[post], cl
 start, end = [0.0, 0.3], [1.2, 0.6]
 motion = fa.optimal_motion(arm, start, end, "energy", limits, duration=1.6, intervals=80)
 look = {"contacts": [fa.Contact(post, 1e3)], "channels": "torque", "torque": False}
-fa.animate(motion.run, "obstacle.svg", speed=0.5, width=360, **look)
+fa.animate(motion.run, "obstacle.html", speed=0.5, **look)

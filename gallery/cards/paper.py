@@ -17,10 +17,9 @@ line = fa.line_motion(arm, start=(2.0, 1.0), end=(1.0, 2.0), duration=1.0)
 run = fa.simulate(arm, 1.8, torque=fa.rigid_torque(arm, line), rate=500.0)
 fa.animate(
     run,
-    "paper.svg",
+    "paper.html",
     reference=line,
     channels="link_tip_deflection",
     torque=False,
     speed=0.5,
-    width=360,
 )

@@ -22,10 +22,9 @@ runs = {
 }
 fa.animate(
     runs,
-    "shaping.svg",
+    "shaping.html",
     speed=0.5,
     channels="link_tip_deflection",
     torque=False,
     trace=False,
-    width=360,
 )

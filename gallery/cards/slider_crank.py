@@ -24,4 +24,4 @@ start = fa.assembled(arm, arm.rest([0.0, 0.0, 0.65]), arm.rest([speed, 0.0, 0.0]
 turn = fa.PrescribedAngle(lambda t: speed * t, lambda t: speed, lambda t: 0.0)
 options = {"initial": start.q, "initial_rate": start.qd, "prescribed": {1: turn}}
 run = fa.simulate(arm, 3 * 2 * np.pi / speed, rate=2000.0, **options)
-fa.animate(run, "slider_crank.svg", channels=[], torque=False, trace=False, speed=0.2, width=360)
+fa.animate(run, "slider_crank.html", channels=[], torque=False, trace=False, speed=0.2)

@@ -28,4 +28,4 @@ def rate(t):
 turn = fa.PrescribedAngle(angle, rate, lambda t: spin / ramp * (1 - np.cos(w * t)) * (t < ramp))
 run = fa.simulate(arm, 20.0, prescribed={1: turn}, rate=60.0)
 look = {"channels": "link_tip_deflection", "torque": False, "trace": False, "magnify": 4.0}
-fa.animate(run, "spin_up.svg", speed=2.0, width=360, **look)
+fa.animate(run, "spin_up.html", speed=2.0, **look)

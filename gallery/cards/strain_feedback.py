@@ -23,5 +23,5 @@ laws = {
     "strain feedback": fa.StrainFeedback([400.0, 100.0], [40.0, 6.0], strain=[1e5, 3e4]),
 }
 runs = {n: fa.simulate(arm, 5.0, controller=law, reference=turn) for n, law in laws.items()}
-look = {"channels": "link_tip_deflection[1]", "torque": False, "trace": False, "width": 360}
-fa.animate(runs, "strain_feedback.svg", **look)
+look = {"channels": "link_tip_deflection[1]", "torque": False, "trace": False}
+fa.animate(runs, "strain_feedback.html", **look)

@@ -18,4 +18,4 @@ strip = fa.Link(
 arm = fa.Arm(links=[strip], theory="second_order")
 swing = fa.PrescribedAngle.table([0.1, 0.7, 1.2, 2.4], [0.3, 2.4, 0.9, 0.9])
 run = fa.simulate(arm, 2.4, initial=arm.rest([0.3]), prescribed={1: swing}, rate=200.0)
-fa.animate(run, "whip.svg", channels=[], torque=False, speed=0.5, width=360)
+fa.animate(run, "whip.html", channels=[], torque=False, speed=0.5)

@@ -23,5 +23,5 @@ wiping = fa.pressed_motion(
 wall = fa.Contact(fa.Wall((1.5, 0.0), (-1.0, 0.0)), stiffness=1e4, damping=0.5, friction=0.2)
 drive = {"controller": fa.HybridForce(arm), "reference": wiping, "initial": wiping.initial}
 run = fa.simulate(arm, 3.6, contacts=[wall], **drive)
-look = {"channels": "contact_force", "torque": False, "trace": False, "width": 360}
-fa.animate(run, "wiping.svg", contacts=[wall], reference=up, **look)
+look = {"channels": "contact_force", "torque": False, "trace": False}
+fa.animate(run, "wiping.html", contacts=[wall], reference=up, **look)

@@ -14,12 +14,16 @@ from gallery.moving import (
     NAMES,
     OVERVIEW,
     SCRIPTS,
+    WIDTH,
     Card,
     overview,
     page_text,
     run,
     with_table,
 )
+from gallery.moving_svg import svg
+
+import flexarm as fa
 
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 #: Of a picture, tenths of a pixel of 3600: other processors round otherwise, which impacts enlarge.
@@ -87,3 +91,47 @@ def test_script_makes_the_picture(card: Card, tmp_path: Path) -> None:
         (folder / f"{card.name}.yaml").read_text(encoding="utf-8") for folder in (tmp_path, FOLDER)
     ]
     assert re.sub(_NUMBER, "", arms[0]) == re.sub(_NUMBER, "", arms[1])
+
+
+def circles(text: str, look: str) -> np.ndarray:
+    """Return the centres of a disk at the frames, (F + 1, 2) with the last frame repeated."""
+    part = text.split(f'<circle class="{look}"')[1].split("</circle>")[0]
+    axes = [
+        re.search(rf'attributeName="{name}"[^>]*values="([^"]*)"', part) for name in ("cx", "cy")
+    ]
+    assert all(axes)
+    return np.array([np.float64(axis[1].split(";")) for axis in axes if axis]).T
+
+
+def test_tip_is_in_its_place_at_every_frame() -> None:
+    """The bar of length states the scale; y points down."""
+    link = fa.Link(length=1.0, flexural_rigidity=50.0, mass_per_length=0.5)
+    arm = fa.Arm(links=[link], payload=fa.Payload(mass=0.3))
+    run = fa.simulate(arm, 0.5, torque=lambda t: [1.0], rate=200.0)
+    animation = fa.animate(run, channels="joint_angle", fps=20.0, speed=0.5, magnify=1.0)
+    text = svg(animation.scenes, 20.0, 0.5, WIDTH)
+    places = circles(text, "payload")
+    assert len(places) == 22
+    bar = re.search(r'd="M\d+ \d+h-(\d+)"/><text[^>]*>([\d.]+) m<', text)
+    assert bar is not None
+    scale = float(bar[1]) / float(bar[2])
+    tips = animation.scenes[0].links[:, -1, -1]
+    moved = (tips - tips[0]) * [scale, -scale]
+    np.testing.assert_allclose(places[:-1] - places[0], moved, atol=1.0 + 1e-3 * scale)
+    assert (places[-1] == places[-2]).all()
+    assert ">speed × 0.5<" in text
+    assert "Joint angle, 0 to " in text
+
+
+def test_factor_on_the_bending_is_stated() -> None:
+    link = fa.Link(length=1.0, flexural_rigidity=500.0, mass_per_length=0.5)
+    run = fa.simulate(fa.Arm(links=[link]), 0.3, torque=lambda t: [1.0])
+    animation = fa.animate(run, channels=[])
+    text = svg(animation.scenes, animation.fps, 1.0, WIDTH)
+    assert f">bending × {animation.scenes[0].magnify:g}<" in text
+    assert 'class="true"' in text
+    assert text.count("<animate ") == text.count(" keyTimes=")
+    for keys, values in re.findall(r'keyTimes="([^"]*)" values="([^"]*)"', text):
+        times = np.float64(keys.split(";"))
+        assert times[0] == 0.0 and times[-1] == 1.0 and (np.diff(times) > 0.0).all()
+        assert len(times) == len(values.split(";"))

@@ -24,7 +24,6 @@ from flexarm.base.writing.places import AnyPath, check_place, write_text, write_
 from flexarm.model import Contact
 from flexarm.model.quantities import Flag, Positive
 from flexarm.view.plot import drawn_result
-from flexarm.view.plot.animation.moving_svg import svg
 from flexarm.view.plot.animation.scene import (
     Scene,
     SceneOptions,
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
 
 
 #: File suffixes of animations.
-SUFFIXES = (".mp4", ".gif", ".html", ".svg")
+SUFFIXES = (".mp4", ".gif", ".html")
 _HINT = (
     "Install one with: pip install 'flexarm[animation]', which brings its own ffmpeg; "
     "or write a .gif or an .html file, which need none."
@@ -175,10 +174,6 @@ class Animation:
         """Return an HTML page that plays the animation without a network."""
         return page(self.scenes, self.fps, self.speed, self.scenes[0].title or "flexarm")
 
-    def svg(self) -> str:
-        """Return an SVG that plays by itself where a page shows it as a picture."""
-        return svg(self.scenes, self.fps, self.speed, self.width)
-
     def _repr_html_(self) -> str:
         histories = len(self.scenes[0].histories)
         height = 650 if len(self.scenes) == 1 else 510 + 175 * histories
@@ -192,15 +187,15 @@ class Animation:
 
     @public_call
     def save(self, path: AnyPath) -> None:
-        """Write the animation to an .mp4, .gif, .html or .svg file, completely or not at all.
+        """Write the animation to an .mp4, .gif or .html file, completely or not at all.
 
         Raises:
             InputError: if the file cannot be written, or is an .mp4 and ffmpeg is not installed.
         """
         place = check_animation_place("path", path)
         suffix = place.suffix.lower()
-        if suffix in (".html", ".svg"):
-            write_text(self.html() if suffix == ".html" else self.svg(), place)
+        if suffix == ".html":
+            write_text(self.html(), place)
             return
         from flexarm.view.plot.animation.frames import Stage
 
@@ -233,8 +228,8 @@ def animate(
     Args:
         results: a result of ``simulate``, ``run_scenario`` or ``read_result``; or up to four, by
             name or as a list, side by side.
-        path: of an .mp4, .gif, .html or .svg file to write; None for none. An .mp4 requires ffmpeg,
-            which ``pip install 'flexarm[animation]'`` includes.
+        path: of an .mp4, .gif or .html file to write; None for none. An .mp4 requires ffmpeg, which
+            ``pip install 'flexarm[animation]'`` includes.
         channels: channels to draw over time beside the arm, as in ``plot.history``; at most six,
             ``[]`` for none.
         magnify: factor on the bending of the links, which the picture states, beside a ghost of the
@@ -253,7 +248,7 @@ def animate(
             the run.
         speed: seconds of the run per second of the animation: 0.1 is slow motion.
         fps: frames per second. For a GIF the nearest rate of its format: 50, 33.3, 25, 20, ...
-        width: of the pictures of a video, GIF or SVG, pixels.
+        width: of the pictures of a video or GIF, pixels.
 
     Returns:
         An `Animation`, with ``save(path)``, ``html()`` and ``pictures()``; a notebook displays it

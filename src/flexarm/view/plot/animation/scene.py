@@ -150,7 +150,7 @@ def scene_of(
         bending=bending,
     )
     drawn = magnified(scene, options.magnify)
-    view = _view(np.concatenate([*extent(scene), *extent(drawn)]))
+    view = _view(np.concatenate([*_extent(scene), *_extent(drawn)]))
     scene = replace(
         scene,
         arrows=_torques(scene, result, view) if options.torque else None,
@@ -205,8 +205,8 @@ def _carriers_of_joints(scene: Scene) -> list[Place]:
     return [*joints, *scene.marks.carriers[scene.marks.rails.shape[1] :]]
 
 
-def extent(scene: Scene) -> list[FloatArray]:
-    """Return arrays of points (k, 2) that a picture of the scene contains."""
+def _extent(scene: Scene) -> list[FloatArray]:
+    """Return arrays of points (k, 2) that the view contains."""
     shown = [scene.links, scene.marks.feet, scene.marks.rails, scene.marks.body, scene.ghost]
     shown += [scene.path, None if scene.reference is None else scene.reference[0]]
     return [points.reshape(-1, 2) for points in shown if points is not None]

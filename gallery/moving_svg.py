@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.view.plot.animation.scene import Scene, extent
+from flexarm.view.plot.animation.scene import Scene, _extent
 from flexarm.view.plot.drawn_result import FloatArray, Signals
 from flexarm.view.plot.palette import GREEN, ORANGE, PURPLE, VERMILLION, series_colors
 
@@ -48,10 +48,13 @@ def svg(scenes: Sequence[Scene], fps: float, speed: float, width: int) -> str:
     across, strip = 10.0 * width, 10.0 * _STRIP * width
     down = max(_ASPECT * across, 0.4 * across + rows * strip)
     box = np.array([across / len(scenes), down - rows * strip])
-    spans = np.max([np.ptp(np.concatenate(extent(scene)), axis=0) for scene in scenes], axis=0)
+    spans = np.max([np.ptp(np.concatenate(_extent(scene)), axis=0) for scene in scenes], axis=0)
     spans = np.maximum(spans, 1e-9 * spans.max() + 1e-300)
     scale = float(np.min((box - 2.0 * _EDGE * across) / spans))
-    clock = _Clock(len(scenes[0].times), fps)
+    times = scenes[0].times
+    clock = _Clock(
+        len(times), fps, max(float(max(each.times[-1] for each in scenes) - times[0]), 1e-300)
+    )
     text = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{down / 10:.0f}" '
     text += f'viewBox="0 0 {across:.0f} {down:.0f}"><style>{_STYLE}</style>'
     text += f'<rect class="paper" width="{across:.0f}" height="{down:.0f}" rx="60"/>'
@@ -62,7 +65,8 @@ def svg(scenes: Sequence[Scene], fps: float, speed: float, width: int) -> str:
         text += f'\n<g transform="translate({k * box[0]:.0f})">{panel}</g>'
         for row, signals in enumerate(scene.histories):
             values = np.concatenate([each.histories[row].values.ravel() for each in scenes])
-            text += _history(signals, values, scene.times, strip, box, clock, k, row)
+            frame = k * box[0] + 80.0, box[1] + row * strip, box[0] - 160.0, strip
+            text += _history(signals, values, clock, frame, named=k == 0)
     return text + _notes(scenes[0], speed, scale, across, box[1]) + "</svg>\n"
 
 
@@ -71,9 +75,10 @@ class _Clock(NamedTuple):
 
     frames: int
     fps: float
+    span: float  # of the run, s
 
     def animate(self, name: str, values: Sequence[str]) -> str:
-        """Return the element that animates an attribute over the frames, or evenly from 2 values."""
+        """Return the element that animates an attribute, with values that are evenly spaced."""
         moving = max(self.frames - 1, 1) / self.fps
         times = np.append(np.linspace(0.0, moving / (moving + _PAUSE), len(values)), 1.0)
         keys = ";".join(f"{t:.4g}" for t in times)
@@ -86,7 +91,7 @@ class _Clock(NamedTuple):
 
 def _panel(scene: Scene, box: FloatArray, scale: float, clock: _Clock) -> Iterable[str]:
     """Yield the elements of an arm in a box."""
-    points = np.concatenate(extent(scene))
+    points = np.concatenate(_extent(scene))
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
 
     def placed(values: FloatArray) -> FloatArray:
@@ -187,22 +192,22 @@ def _trace(path: FloatArray, scene: Scene, clock: _Clock) -> str:
 def _history(
     signals: Signals,
     values: FloatArray,
-    times: FloatArray,
-    strip: float,
-    box: FloatArray,
     clock: _Clock,
-    column: int,
-    row: int,
+    frame: tuple[float, float, float, float],
+    named: bool,
 ) -> str:
-    """Return lines over time with a cursor; ``values`` of all scenes decide about the scale."""
-    left, top = column * box[0] + 80.0, box[1] + row * strip
-    wide, low, high = box[0] - 160.0, float(values.min()), float(values.max())
-    x = left + wide * (signals.time - signals.time[0]) / max(float(times[-1] - times[0]), 1e-300)
-    y = top + 150.0 + (strip - 220.0) * (high - signals.values) / max(high - low, 1e-300)
+    """Return lines over time with a cursor in a frame: left, top, width, height.
+
+    ``values`` of all scenes decide about the scale. ``named`` states whether the title is shown.
+    """
+    left, top, wide, tall = frame
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    x = left + wide * (signals.time - signals.time[0]) / clock.span
+    y = top + 150.0 + (tall - 220.0) * (high - signals.values) / max(high - low, 1e-300)
     end, start = f"{left + wide:.0f}", f"{left:.0f}"
     names = list(zip(signals.labels, series_colors(len(signals.labels)), strict=True))
     text = ""
-    if not column:
+    if named:
         least = 1e-6 * max(high, -low)  # smaller values are errors of rounding
         ends = [value if abs(value) > least else 0.0 for value in (low, high)]
         bounds = f"{ends[0]:.3g} to {ends[1]:.3g} {signals.unit}".replace("-", "−")
@@ -212,15 +217,15 @@ def _history(
         shown = " ".join(f'<tspan style="fill:{c}">{escape(name)}</tspan>' for name, c in names)
         text += f'<text class="right" x="{end}" y="{top + 90:.0f}">{shown}</text>'
     for line, (_, color) in zip(y.T, names, strict=True):
-        path = _path(np.stack([x, line], axis=1)[None])
+        path = _path(np.stack([x, line], axis=1)[None, np.isfinite(line)])
         text += f'<path class="line" style="stroke:{color}" d="{path}"/>'
-    cursor = f'y1="{top + 130:.0f}" y2="{top + strip - 50:.0f}" class="axis"'
+    cursor = f'y1="{top + 130:.0f}" y2="{top + tall - 50:.0f}" class="axis"'
     moving = "".join(clock.animate(name, [start, end]) for name in ("x1", "x2"))
     return f'{text}<line x1="{end}" x2="{end}" {cursor}>{moving}</line>'
 
 
 def _notes(scene: Scene, speed: float, scale: float, across: float, bottom: float) -> str:
-    """Return the factors of the picture, the meaning of its colours, and a bar of a round length."""
+    """Return the factors of a picture, and a bar with a round length."""
     factors = [f"bending × {scene.magnify:g}"] * (scene.true is not None)
     factors += [f"speed × {speed:g}"] * (speed != 1.0)
     power = 10.0 ** math.floor(math.log10(0.25 * across / scale))
