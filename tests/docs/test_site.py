@@ -43,6 +43,7 @@ def test_site_is_complete(tmp_path: Path) -> None:
         check_public_names_have_docstrings,
         check_equations_are_rendered,
         check_search_finds_words,
+        check_search_has_excerpts,
         check_notebook_has_run,
     ):
         check(site)
@@ -116,6 +117,18 @@ def check_search_finds_words(site: Path) -> None:
     numbers = found["terms"]["timoshenko"]
     numbers = [numbers] if isinstance(numbers, int) else numbers
     assert "theory/beams" in {found["docnames"][number] for number in numbers}
+
+
+def check_search_has_excerpts(site: Path) -> None:
+    """The texts that the search page shows without requests, which files do not answer."""
+    script = (site / "_static" / "texts.js").read_text(encoding="utf-8")
+    texts = json.loads(script.removeprefix("const TEXTS = ").removesuffix(";\n"))
+    assert {_address(page) for page in pages() if page != "README.md"} <= set(texts)
+    assert "Timoshenko beam" in texts["theory/beams.html"]
+    assert '<section id="bending">' in texts["theory/beams.html"]
+    search = (site / "search.html").read_text(encoding="utf-8")
+    assert search.index("excerpts.js") < search.index("searchtools.js")
+    assert "texts.js" not in (site / "index.html").read_text(encoding="utf-8")
 
 
 def check_notebook_has_run(site: Path) -> None:

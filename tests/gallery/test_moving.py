@@ -133,5 +133,6 @@ def test_factor_on_the_bending_is_stated() -> None:
     assert text.count("<animate ") == text.count(" keyTimes=")
     for keys, values in re.findall(r'keyTimes="([^"]*)" values="([^"]*)"', text):
         times = np.float64(keys.split(";"))
-        assert times[0] == 0.0 and times[-1] == 1.0 and (np.diff(times) > 0.0).all()
+        assert times[[0, -1]].tolist() == [0.0, 1.0]
+        assert (np.diff(times) > 0.0).all()
         assert len(times) == len(values.split(";"))
