@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import argparse
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 from live import build
@@ -16,6 +18,9 @@ from sphinx.cmd.build import build_main
 
 def main(folder: Path, run: str) -> int:
     """Build the site into a folder, and return the exit status of Sphinx."""
+    # The kernels of live pages take minutes; they are compiled beside the pages.
+    command = [sys.executable, "-c", "from live import build; build.kernels()"]
+    kernels = subprocess.Popen(command, cwd=Path(__file__).resolve().parent)
     shutil.rmtree(folder, ignore_errors=True)
     sources = folder / "sources"
     sources.mkdir(parents=True)
@@ -24,6 +29,7 @@ def main(folder: Path, run: str) -> int:
     strict = ["--fail-on-warning", "--quiet", "--jobs", "2"]
     html = folder / "html"
     status = build_main(["-b", "html", *settings, *strict, str(sources), str(html)])
+    kernels.wait()
     if status == 0:
         build.write(html / "_static" / "live")
         print(f"open {html / 'index.html'}")
