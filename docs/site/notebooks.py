@@ -15,6 +15,8 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 _FENCE = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _DRAWING = re.compile(r"\bplt\.|\bfa\.plot\.\w+\(")
+#: Stored pictures after code that draws them.
+_STORED = re.compile(r"(?<=^```\n)\n(?:!\[[^\]]*\]\([\w-]+\.png\)\n)+", re.MULTILINE)
 _KERNEL = {"name": "python3", "display_name": "Python 3", "language": "python"}
 _HEAD = "---\nfile_format: mystnb\nkernelspec:\n  name: python3\n---\n\n"
 #: First cell of the notebooks that the build runs: sharp figures, commands without progress
@@ -35,7 +37,8 @@ def draws(text: str) -> bool:
 def runnable(text: str) -> str:
     """Return a page as a text notebook that MyST-NB runs."""
     settings = new_code_cell(_SETTINGS, metadata={"tags": ["remove-cell"]})
-    return _HEAD + "\n\n".join(_directive(cell) for cell in [settings, *_cells(text)]) + "\n"
+    cells = [settings, *_cells(_STORED.sub("", text))]
+    return _HEAD + "\n\n".join(_directive(cell) for cell in cells) + "\n"
 
 
 def _directive(cell: nbformat.NotebookNode) -> str:
