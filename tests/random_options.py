@@ -99,7 +99,7 @@ def in_segments(rng: np.random.Generator, link: Link, reduced: bool) -> Link:
         return link
     count = int(rng.integers(1, 5))
     mesh = int(rng.integers(1, 4 if count < 3 else 2))
-    modes = int(rng.integers(1, 2 * mesh + 1)) if reduced else None
+    modes = max(int(rng.integers(1, 2 * mesh + 1)), min(count, 2)) if reduced else None
     damping = link.damping
     if damping is not None and count > 1:  # segments accept no other kind
         damping = RayleighDamping(stiffness_coefficient=float(rng.uniform(0, 1e-3)))

@@ -215,3 +215,23 @@ def test_counts_and_the_rigid_model():
     rates = [1.0, 2.0]
     kinetic = of.energy(of.rest([0.1, 0.2]), of.rest(rates)).kinetic
     assert rigid.energy([0.1, 0.2], rates).kinetic == pytest.approx(kinetic, rel=1e-13)
+
+
+@pytest.mark.parametrize("modes", [1, 2, 3, None])
+@pytest.mark.parametrize("station", [0.2, 0.5])
+def test_a_link_that_carries_another_one_is_not_stiffer(modes, station):
+    """Static deflection of a cantilever under a force, with a light rod at a station."""
+    beam = {"flexural_rigidity": 100.0, "mass_per_length": 1.0, "elements": 2, "modes": modes}
+    rod = {"length": 0.1, "mass_per_length": 1e-6, "flexible": False}
+    links = [fa.Link(length=1.0, **beam), fa.Link(**rod, parent=1, parent_station=station)]
+    arm = fa.Arm(links=links)
+    q = fa.equilibrium(arm, [0.0, 0.0], loads=[fa.Load(link=1, force=(0.0, 1.0))]).q
+    tip = fa.simulate(arm, 1e-4, initial=q).link_tip_deflection.values[0, 0]
+    # Exact statics of cubic elements; turned links shorten by squares of the slope of 5e-3.
+    assert tip == pytest.approx(1.0 / 300.0, rel=2e-5)
+
+
+def test_one_mode_in_each_segment_is_refused():
+    beam = {"length": 1.0, "flexural_rigidity": 1.0, "mass_per_length": 1.0, "elements": 4}
+    with pytest.raises(fa.ModelError, match="at least 2 with segments.*moves 19% too little"):
+        fa.Link(**beam, segments=4, modes=1)

@@ -236,7 +236,9 @@ def table_error(link: Link) -> float:
 def _segments(link: Link, carried: tuple[float, ...]) -> tuple[LinkConstants, ...]:
     """Compute the read-only constants of the segments of a link, from its root outwards.
 
-    The link is also divided at the stations ``carried`` that carry other links.
+    The link is also divided at the stations ``carried`` that carry other links. A part with one
+    mode does not bend rightly under both the force and the moment of the next one: the tip of the
+    link would move up to a quarter too little, however many parts there are.
     """
     beam, count = link.beam(), link.segments
     ends = {link.length * k / count for k in range(1, count + 1)}
@@ -259,7 +261,8 @@ def _segments(link: Link, carried: tuple[float, ...]) -> tuple[LinkConstants, ..
         parts = {name: np.interp(stations, x, column) for name, column in columns.items()}
         table = BeamTable(stations - a, **parts)
         if link.flexible:
-            modes = None if link.modes is None else min(link.modes, 2 * elements)
+            least = 1 if len(edges) == 2 else 2
+            modes = None if link.modes is None else min(max(link.modes, least), 2 * elements)
             segments.append(link_constants(table, elements, modes))
         else:
             segments.append(rigid_constants(table, elements))

@@ -400,7 +400,8 @@ class Link(Record):
     segments: Count = 1
     """Number of equal pieces, rigidly joined, for large deflection; a divisor of elements."""
     modes: Count | None = None
-    """Number of modes of each segment; by default all of its coordinates, two for each element."""
+    """Number of modes of each segment; by default all of its coordinates, two for each element. A
+    link in several parts, by segments or points in between, has at least two in each."""
     flexible: Flag = True
     """Whether the link bends."""
     rotary_inertia: Flag | None = None
@@ -567,6 +568,11 @@ def _mesh_faults(given: Given) -> Iterator[Fault]:
     if modes is not None and modes > most:
         rule = f"be at most {most} (twice the number of elements of a segment)"
         yield Fault(("modes",), rule, shown(modes), "Use more elements, or fewer modes.")
+        return
+    if modes == 1 and given.segments > 1:
+        less = 0.25 * (1.0 - 1.0 / given.segments)
+        hint = f"With one mode in each, the tip moves {less:.0%} too little under a moment."
+        yield Fault(("modes",), "be at least 2 with segments", shown(modes), hint)
         return
     ratio = given.damping.ratio if given.has("damping") and given.damping.kind == "modal" else ()
     kept = modes or most
