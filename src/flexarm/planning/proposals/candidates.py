@@ -22,14 +22,12 @@ from flexarm.control.analysis.margins import (
     without_friction,
 )
 from flexarm.control.analysis.sampled_loop import PlantModel, SampledLoop
-from flexarm.control.design.arm_scales import NOISE
+from flexarm.control.design.arm_scales import NOISE, joint_inertias
 from flexarm.control.design.linear_design import CHORD
-from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.laws.task_controller import HybridForce, Impedance
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Scenario
 from flexarm.model.checks import checked_arguments
-from flexarm.planning.proposals.drive import rate_lag_of
 from flexarm.planning.proposals.requirements import Requirements
 
 
@@ -165,15 +163,15 @@ def _of_force(needs: Requirements) -> Iterator[Candidate]:
 
 
 def _damped(needs: Requirements, kind: type[HybridForce] | type[Impedance], factor: float) -> Drive:
-    """Return a force controller with its default damping times a factor."""
-    sample_time = needs.sample_time
-    usual = vars(kind(needs.arm, sample_time=sample_time))
+    """Return a force controller with its default damping for the delay, times a factor."""
+    times = {"delay": float(f"{needs.rate_delay:.3g}"), "sample_time": needs.sample_time}
+    usual = vars(kind(needs.arm, **times))
     damping: Drive = {
         name: rounded([factor * usual[name]])[0]
         for name in ("normal_damping", "tangent_damping")
         if name in usual
     }
-    return {"kind": kind.name, **damping, "sample_time": sample_time}
+    return {"kind": kind.name, **damping, **times}
 
 
 def _frequency(needs: Requirements) -> float:
@@ -185,23 +183,10 @@ def _frequency(needs: Requirements) -> float:
     return float(min(2.0 * np.pi / needs.period, limit))
 
 
-def _inertia(needs: Requirements) -> tuple[FloatArray, FloatArray]:
-    """Return inertias (joints,) about each joint, kg m^2, at the postures.
-
-    The largest one of the rigid arm, and the least one that a torque turns at high frequencies,
-    when the links do not follow.
-    """
-    rigid, arm = RigidModel(needs.arm), needs.arm
-    whole = np.array([np.diag(rigid.mass_matrix(at)) for at in needs.postures])
-    each = [np.linalg.inv(arm.mass_matrix(arm.rest(at))) for at in needs.postures]
-    near = np.array([1.0 / np.diag(inverse)[arm.joint_index] for inverse in each])
-    return np.asarray(whole.max(axis=0)), np.asarray(near.min(axis=0))
-
-
 def _joint_loop(needs: Requirements, factor: float, damping: float) -> Drive:
     """Return joint PD; under gravity joint PID, which knows the limits of the motors."""
-    inertia, nimble = _inertia(needs)
-    lag = needs.delay + rate_lag_of(needs.hardware) + 0.5 * needs.sample_time
+    nimble, inertia = joint_inertias(needs.arm, needs.postures)
+    lag = needs.rate_delay + 0.5 * needs.sample_time
     omega = np.minimum(
         factor * _frequency(needs), _NIMBLE * nimble / (2.0 * damping * lag * inertia)
     )
@@ -273,7 +258,9 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
         del measured["strain"]
     common: Drive = {
         "acceptable": {"tip": tip, "joint_rate": rate},
-        "acceptable_torque": rounded(_BRISK * omega**2 * _inertia(needs)[0]),
+        "acceptable_torque": rounded(
+            _BRISK * omega**2 * joint_inertias(needs.arm, needs.postures)[1]
+        ),
     }
     if needs.arm.joints > 2:  # the tip does not determine the joints
         common["acceptable"]["joint_angle"] = _ANGLE
