@@ -147,7 +147,7 @@ _WORD = re.compile(r"/|per\b|[A-Za-z]+(?:\^-?\d+(?:\.\d+)?)?")
 #: Scale of a number that is zero, relative to its typical size on the arm.
 _OF_ZERO = 0.1
 #: Angle (rad) in the delay of a loop at `slow_rate`, for a joint that turns the rigid arm.
-_LATE = 0.17
+_LATE = 0.14
 #: Largest default cutoff, relative to the sampling frequency.
 _CUTOFF = 0.005
 
@@ -180,7 +180,7 @@ def slow_rate(arm: Arm, sample_time: float, delay: float = 0.0) -> float:
     """Return the lowest angular frequency (rad/s) of the straight arm with locked joints.
 
     At most 0.0064 rad in a ``sample_time`` (s), because a stiff arm may press on a stiff surface.
-    With a ``delay`` of the loop (s), at most 0.17 rad in it times the least inertia that a torque
+    With a ``delay`` of the loop (s), at most 0.14 rad in it times the least inertia that a torque
     turns at frequencies above those of the links, relative to that of the rigid arm.
     """
     rate = min(lowest_frequency(arm), RIGID / sample_time)

@@ -133,7 +133,8 @@ class TaskController(OfArm, Controller):
         """
         (x, y), *_ = state.motion.tolist()
         nx, ny, force = request.normal_x, request.normal_y, request.force
-        turned = _TURNED * max(0.0, request.curvature) * (nx * (y - request.y) - ny * (x - request.x))
+        beside = nx * (y - request.y) - ny * (x - request.x)
+        turned = _TURNED * max(0.0, request.curvature) * beside
         return force * (turned * ny - nx), -force * (turned * nx + ny)
 
     @abstractmethod
