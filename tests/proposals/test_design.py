@@ -135,7 +135,7 @@ def test_little_computing_power_excludes_models_in_the_controller():
 @pytest.mark.thorough
 def test_without_gauges_the_joints_are_controlled_and_the_reasons_recommend_gauges():
     found = fa.design(one_link(), "hold", sensors="joints", progress=False)
-    assert found.table.candidate.values.tolist() == ["loop shaping", "joint PD"]
+    assert found.table.candidate.values.tolist() == ["LQG", "loop shaping", "joint PD"]
     assert "Strain gauges" in " ".join(found.reasons)
 
 

@@ -230,7 +230,8 @@ def pressed_motion(
         force: N, at least 0, or a smooth function of time (s) that returns it.
         normal: (2,) outward normal of the surface on the path, world axes, any length; or a
             function of time that returns it, for a surface that is not straight.
-        duration: s, of the whole run; by default until the end of the motion.
+        duration: s, of the whole run; by default until the end of the motion. After it the
+            reference is at rest and presses on with its last force and normal.
         friction: coefficient of sliding friction at the tip.
         interval: s between the times at which the equilibrium is computed; force and path must be
             smooth over several intervals. By default a twentieth of the lowest period of the

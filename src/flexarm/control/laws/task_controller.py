@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Any, ClassVar, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 
@@ -71,7 +71,8 @@ class TaskController(OfArm, Controller):
 
     exports_plan = True
 
-    delay: float
+    if TYPE_CHECKING:  # a parameter of every law
+        delay: float
 
     _shares: ClassVar[dict[str, float]]
     """Defaults of parameters, relative to their typical sizes on the arm."""
