@@ -198,10 +198,7 @@ class PressedMotion:
 
     @public_call
     def curvature(self, t: ArrayLike) -> FloatArray:
-        """Return the curvature () or (T,) of the surface, 1/m: positive if it is convex.
-
-        From normals and tip along the path; at rest that of the nearest part of the path.
-        """
+        """Return the curvature () or (T,) of the surface near t, 1/m: positive if it is convex."""
         return np.asarray(np.interp(check_times("t", t), *self._curved))
 
 
