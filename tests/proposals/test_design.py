@@ -95,8 +95,8 @@ def test_the_scenarios_give_the_errors_of_the_table(moved):
     for name, scenario in moved.scenarios.items():
         result = fa.run_scenario(scenario, progress=False)
         end = scenario.motion.start_time + scenario.motion.duration
-        # A third of the rest, rounded, is excluded as settling time.
-        settling = float(f"{(scenario.run.duration - end) / 3.0:.2g}")
+        # Two thirds of the rest, rounded, are excluded as settling time.
+        settling = float(f"{(scenario.run.duration - end) * 2.0 / 3.0:.2g}")
         # The reference of a flexible arm ends after the motion.
         end = prepare(scenario).followed.motion.end_time
         tip = result.tip.values[result.time.values >= end + settling]
@@ -135,7 +135,7 @@ def test_little_computing_power_excludes_models_in_the_controller():
 @pytest.mark.thorough
 def test_without_gauges_the_joints_are_controlled_and_the_reasons_recommend_gauges():
     found = fa.design(one_link(), "hold", sensors="joints", progress=False)
-    assert found.table.candidate.values.tolist() == ["loop shaping", "joint PD"]
+    assert found.table.candidate.values.tolist() == ["LQG", "loop shaping", "joint PD"]
     assert "Strain gauges" in " ".join(found.reasons)
 
 
@@ -208,6 +208,33 @@ def test_loops_near_instability_or_without_damping_are_refused():
         )
         assert _chosen(needs, found, errors) == "sound"
     assert "does not complete" in _refusal(needs, {"only": sound}, scores(only=[np.nan]), "only")
+
+
+def test_joint_loops_are_limited_by_the_delay_of_the_drive():
+    """The derivative gain times the lag stays below 0.7 of the inertia near the motor."""
+    arm = one_link()
+    inverse = np.linalg.inv(arm.mass_matrix(arm.rest([0.0])))
+    near = 1.0 / inverse[0, 0]
+    encoder = fa.Instrument("joint_angle", rate_cutoff=80.0)
+    gains = {}
+    for delay in (0.0, 0.01):
+        hardware = fa.Hardware(instruments=[encoder], motors=fa.Motors(delay=delay))
+        needs = needs_of(arm, "hold", hardware=hardware)
+        (candidate,) = (one for one in candidates_of(needs) if one.name == "joint PD")
+        gains[delay] = max(drive["derivative"][0] for drive in candidate.drives)
+        lag = delay + 0.5 / (np.pi * 80.0) + 0.5 * needs.sample_time
+        assert gains[delay] * lag < 0.7 * near * 1.01  # the gains are rounded
+    assert gains[0.01] < 0.5 * gains[0.0]
+
+
+@pytest.mark.thorough
+def test_three_links_have_a_linear_quadratic_design():
+    """The tip does not determine three joints, so that their angles are weighted, too."""
+    rod = {"flexural_rigidity": 20.0, "mass_per_length": 0.5, "elements": 1, "damping": 0.01}
+    arm = chain((0.4, 0.3, 0.3), [0.05, 0.03, 0.02], gauge=(0.02, 0.004), payload=0.1, **rod)
+    found = fa.design(arm, "hold", progress=False)
+    assert "LQG" in found.table.candidate
+    assert found.table.growth.sel(candidate="LQG") < 0.0
 
 
 ENCODER = fa.Instrument("joint_angle", resolution=1e-4, rate_cutoff=50.0)
@@ -320,8 +347,8 @@ def test_a_proposal_that_is_not_stable_is_reported_first(monkeypatch, tmp_path):
     assess = Loops.assess
 
     def unstable(self, drive):
-        one = assess(self, drive)
-        return one._replace(margins={**one.margins, "growth": 1.0, "disk_margin": 0.0})
+        one, _ = assess(self, drive)
+        return one._replace(margins={**one.margins, "growth": 1.0, "disk_margin": 0.0}), []
 
     monkeypatch.setattr(Loops, "assess", unstable)
     with pytest.warns(fa.UnstableLoopWarning, match="No candidate is stable on the model"):

@@ -178,7 +178,10 @@ def test_force_loop_equals_that_of_the_linear_model():
     w = controller.frequency
     way = M @ np.linalg.inv(J) @ along @ J
     across = J.T @ np.outer(NORMAL, NORMAL) @ J
-    on_angle = -(w**2) * way
+    # The requested force keeps its direction while the arm turns: second derivatives of the tip.
+    across_bars = bars()[0].T @ NORMAL
+    turning = np.array([[across_bars.sum(), across_bars[1]], [across_bars[1], across_bars[1]]])
+    on_angle = -(w**2) * way + force0 * turning
     on_rate = -2.0 * w * way - controller.normal_damping * across
     A, B = model.A, model.B
     Ad, Bd, *_ = cont2discrete((A, B, np.eye(len(A)), np.zeros_like(B)), dt)
@@ -355,3 +358,92 @@ def test_run_without_a_force_has_no_force_error(sliding):
     motion = reference.motion
     result = fa.simulate(arm, 0.05, controller=fa.HybridForce(arm), reference=motion)
     assert np.isnan(metrics_of(result, arm, motion)["force_error_rms"])
+
+
+# Round surfaces and real drives -------------------------------------------------------------------
+
+
+SOFT = 8.0
+#: Delay of the motors and of the filter of the joint rates, s.
+DELAY, CUTOFF = 0.002, 100.0
+
+
+@pytest.fixture(scope="module")
+def short_arm():
+    """Return an arm of 0.62 + 0.48 m and 2.7 Hz with encoders, rate filters and late motors."""
+    rods = {"flexural_rigidity": [75.0, 25.0], "mass_per_length": 0.8, "elements": 2}
+    joints = [0.05, {"mass": 0.5, "hub_inertia": 0.02, "housing_inertia": 0.02}]
+    arm = chain((0.62, 0.48), joints, payload=0.3, damping=0.01, **rods)
+    encoder = fa.Instrument("joint_angle", resolution=2 * np.pi / 2**17, rate_cutoff=CUTOFF)
+    instruments = [encoder, fa.Instrument("contact_force", noise=0.03)]
+    return arm, fa.Hardware(instruments=instruments, motors=fa.Motors(delay=DELAY))
+
+
+def round_post(arm, radius, inside):
+    """Return a reference of 8 N around a post, or along the wall of a round room, and the surface.
+
+    It begins between the base and the centre of the post.
+    """
+    place = np.array([0.6, 0.35]) * arm.reach
+    outward = -place / np.hypot(*place)
+    sign = -1.0 if inside else 1.0
+    center = place - sign * radius * outward
+    angle = min(0.8, 0.2 * arm.reach / radius)
+    turn = {"center": center, "start": place, "angle": angle, "start_time": 0.5}
+    path = fa.circle_motion(arm, **turn, duration=3.0)
+
+    def normal(t):
+        away = path.tip(t) - center
+        return sign * away / np.hypot(*away)
+
+    reference = fa.pressed_motion(arm, path, SOFT, normal, interval=0.2)
+    surface = fa.RoundWall(tuple(center), radius, inside=inside)
+    return reference, fa.Contact(surface, stiffness=1e4, damping=0.5)
+
+
+ROUND = [(1.1, False), (0.35, False), (0.11, False), (0.11, True)]
+
+
+@pytest.mark.parametrize(("radius", "inside"), ROUND)
+@pytest.mark.parametrize("kind", [fa.HybridForce, fa.Impedance, fa.Admittance])
+def test_defaults_with_the_delay_of_real_drives_are_stable_on_round_surfaces(
+    short_arm, kind, radius, inside
+):
+    arm, hardware = short_arm
+    reference, surface = round_post(arm, radius, inside)
+    late = DELAY + 0.5 / (np.pi * CUTOFF)
+    around = {"hardware": hardware, "contacts": [surface], "reference": reference}
+    margins = fa.loop_margins(kind(arm, delay=late), arm, [0.5, 2.0, 3.5], **around)
+    assert margins.growth.max() <= 1e-6  # integrals that nothing excites stay where they are
+    if kind is fa.HybridForce:
+        assert fa.loop_margins(kind(arm), arm, [0.0], **around).growth > 5.0, "without the delay"
+
+
+@pytest.mark.parametrize(("radius", "inside"), ROUND)
+def test_curvature_of_a_pressed_reference_is_that_of_its_surface(short_arm, radius, inside):
+    reference, _ = round_post(short_arm[0], radius, inside)
+    expected = (-1.0 if inside else 1.0) / radius
+    # Chords of 200 parts of the path; before and after it, that of its ends.
+    np.testing.assert_allclose(reference.curvature([-1.0, 0.0, 1.5, 9.0]), expected, rtol=1e-5)
+    assert standing(1.0)[0].curvature(0.5) == 0.0
+
+
+@pytest.mark.thorough
+def test_real_drives_follow_the_force_around_a_post(short_arm):
+    """Below 0.2 N of 8 N over the whole stroke, with its start and end."""
+    arm, hardware = short_arm
+    reference, surface = round_post(arm, 0.11, inside=False)
+    result = fa.simulate(
+        arm,
+        4.0,
+        controller=fa.HybridForce(arm, delay=DELAY + 0.5 / (np.pi * CUTOFF)),
+        reference=reference,
+        contacts=[surface],
+        initial=reference.initial,
+        hardware=hardware,
+    )
+    result = result.sel(time=slice(0.4, None))  # the first contact has decayed
+    across = reference.normal(result.time.values)
+    pressed = np.sum(result.contact_force.values[:, 0] * across, axis=1)
+    assert np.sqrt(np.mean((pressed - SOFT) ** 2)) < 0.2
+    assert pressed.min() > 0.0

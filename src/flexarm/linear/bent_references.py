@@ -63,6 +63,8 @@ _SLOW = 0.2
 #: Largest part of the path along the normal under a force, and number of instants to find it.
 #: Shaped motions deviate from their path, and the force may begin before the path arrives.
 _MOST_ACROSS, _PATH_INSTANTS = 0.5, 201
+#: Speed below which the path is at rest for its curvature, relative to the largest.
+_STILL = 1e-3
 
 
 class PressedPosture(NamedTuple):
@@ -180,6 +182,25 @@ class PressedMotion:
         normals = [self._normal(float(now)) for now in times.ravel()]
         return np.array(normals).reshape(*times.shape, 2)
 
+    @cached_property
+    def _curved(self) -> tuple[FloatArray, FloatArray]:
+        """Return times (T,) s at which the path moves, and the curvatures there."""
+        times = np.linspace(self.start_time, self.end_time, _PATH_INSTANTS)
+        normals = np.array([self._normal(t) for t in times.tolist()])
+        middle = 0.5 * (normals[1:] + normals[:-1])
+        tangent = np.column_stack([-middle[:, 1], middle[:, 0]])
+        turned = np.sum(np.diff(normals, axis=0) * tangent, axis=1)
+        moved = np.sum(np.diff(self.motion.tip(times), axis=0) * tangent, axis=1)
+        moving = np.abs(moved) > _STILL * np.abs(moved).max()
+        if not moving.any():
+            return times[:1], np.zeros(1)
+        return 0.5 * (times[1:] + times[:-1])[moving], turned[moving] / moved[moving]
+
+    @public_call
+    def curvature(self, t: ArrayLike) -> FloatArray:
+        """Return the curvature () or (T,) of the surface near t, 1/m: positive if it is convex."""
+        return np.asarray(np.interp(check_times("t", t), *self._curved))
+
 
 def _spline(times: FloatArray, values: Sequence[FloatArray]) -> BSpline:
     from scipy.interpolate import make_interp_spline
@@ -206,7 +227,8 @@ def pressed_motion(
         force: N, at least 0, or a smooth function of time (s) that returns it.
         normal: (2,) outward normal of the surface on the path, world axes, any length; or a
             function of time that returns it, for a surface that is not straight.
-        duration: s, of the whole run; by default until the end of the motion.
+        duration: s, of the whole run; by default until the end of the motion. After it the
+            reference is at rest and presses on with its last force and normal.
         friction: coefficient of sliding friction at the tip.
         interval: s between the times at which the equilibrium is computed; force and path must be
             smooth over several intervals. By default a twentieth of the lowest period of the

@@ -15,6 +15,7 @@ from flexarm.base.errors import InputError, Problem, check_array, public_call, s
 from flexarm.control.analysis.linear_controller import FrozenReference
 from flexarm.control.analysis.sampled_loop import (
     ComplexArray,
+    PlantModel,
     SampledLoop,
     instruments_of,
     loop_of,
@@ -44,7 +45,8 @@ if TYPE_CHECKING:
 _FREQUENCIES, _AROUND = 300, 15
 #: Lowest frequency, relative to the Nyquist frequency.
 _LOWEST = 1e-6
-_HALVINGS = 40
+#: Most steps to a crossing, and the relative step at which it is found.
+_STEPS, _CLOSE = 120, 1e-13
 #: Largest growth in a sample time that rounding causes, as of integrators without effect.
 ROUNDED_GROWTH = 1e-7
 #: Number of poles in tables, one for each complex pair.
@@ -70,11 +72,15 @@ def loop_at(
     contacts: Sequence[Contact] = (),
     reference: Reference | None = None,
     t: float = 0.0,
+    models: dict[Any, tuple[Arm | None, PlantModel]] | None = None,
 ) -> SampledLoop:
-    """Return the linear sampled loop around an arm at rest in a posture (joints,) rad."""
+    """Return the linear sampled loop around an arm at rest in a posture (joints,) rad.
+
+    ``models`` keeps the linear arms for further controllers with the same hardware and contacts.
+    """
     own = getattr(controller, "arm", None)
     own = own if isinstance(own, Arm) else None
-    arm = plant if plant is not None else own
+    whole = arm = plant if plant is not None else own
     assert isinstance(arm, Arm)
     still = FrozenReference(reference, t) if reference is not None else None
     instruments = instruments_of(arm, hardware, len(contacts))
@@ -86,10 +92,16 @@ def loop_at(
     signals = signals_of(instruments)
     rate, (arm, mine_of) = sliding(controller, reference, arm, own if own is not None else arm)
     actuated = next((law.actuated for law in around(controller) if hasattr(law, "actuated")), None)
-    model = model_at(arm, posture, signals, contacts, actuated)
-    believed = None
-    if mine_of is not arm:
-        believed = model_at(mine_of, posture, signals, contacts, actuated)
+    models = {} if models is None else models
+
+    def linear(whole: Arm | None, free: Arm) -> PlantModel:
+        key = id(whole), np.asarray(posture).tobytes(), *map(str, signals)
+        if key not in models:  # with the arm, so that no other one gets its id
+            models[key] = whole, model_at(free, posture, signals, contacts, actuated)
+        return models[key][1]
+
+    model = linear(whole, arm)
+    believed = linear(own, mine_of) if mine_of is not arm else None
     stay = getattr(controller, "at_rest", None)
     mine = stay() if callable(stay) else controller
     return loop_of(mine, model, instruments, hardware, still, t, believed, rate)
@@ -166,9 +178,8 @@ def loop_margins(
                 loop = loop_at(controller, arm, posture, hardware, bare, reference, t)
             bent += kept
             check_single_rate(loop)
-            poles = loop.poles()
-            growth[i, k], damping[:, i, k] = growth_of(loop), _damping(poles)
-            margins = _margins_of(loop, bool(growth[i, k] <= 0.0))
+            growth[i, k], damping[:, i, k] = stability_of(loop)
+            margins = margins_at(loop, bool(growth[i, k] <= 0.0))
             for (name, *_), value in zip(_MARGINS, margins, strict=True):
                 found[name][i, k] = value
     warn_of_first(bent)
@@ -193,18 +204,23 @@ def loop_margins(
 
 def growth_of(loop: SampledLoop) -> float:
     """Return the growth (1/s) of the dominant pole; zero if rounding may have caused it."""
-    growth = float(loop.poles()[0].real)
-    return growth if not 0.0 < growth * loop.sample_time < ROUNDED_GROWTH else 0.0
+    return stability_of(loop)[0]
 
 
-def _damping(poles: ComplexArray) -> FloatArray:
-    """Return natural frequencies (Hz) and damping ratios (2, _POLES) of the slowest poles."""
+def stability_of(loop: SampledLoop) -> tuple[float, FloatArray]:
+    """Return the growth, and frequencies (Hz) and damping ratios (2, _POLES) of the slowest poles.
+
+    Growth (1/s) is zero if rounding may have caused it.
+    """
+    poles = loop.poles()
+    growth = float(poles[0].real)
+    growth = growth if not 0.0 < growth * loop.sample_time < ROUNDED_GROWTH else 0.0
     each = poles[poles.imag >= 0.0][:_POLES]
     size = np.abs(each)
     found = np.full((2, _POLES), np.nan)
     found[0, : each.size] = size / (2.0 * np.pi)
     found[1, : each.size] = -each.real / np.maximum(size, 1e-300)
-    return found
+    return growth, found
 
 
 def without_friction(contacts: Sequence[Contact]) -> list[Contact]:
@@ -290,7 +306,7 @@ def places_of(
     return [(0.0, posture) for posture in checked]
 
 
-def _margins_of(loop: SampledLoop, stable: bool) -> list[FloatArray]:
+def margins_at(loop: SampledLoop, stable: bool = True) -> list[FloatArray]:
     """Return the margins, (joints,) each, in the order of ``_MARGINS``."""
     joints = loop.plant.B.shape[1]
     if not stable:
@@ -339,14 +355,29 @@ def _largest(loop: SampledLoop, joint: int, angles: FloatArray, size: FloatArray
 def _crossings(
     at: FloatArray, values: FloatArray, function: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """Return the sign changes of a function between the points ``at``, by bisection."""
+    """Return the sign changes of a function between the points ``at``.
+
+    By the Illinois method (Dowell and Jarratt 1971), and every third step by bisection, because a
+    secant approaches a pole slowly.
+    """
     rising = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-    low, high, sign = at[rising], at[rising + 1], np.sign(values[rising])
-    for _ in range(_HALVINGS if rising.size else 0):
-        middle = 0.5 * (low + high)
-        before = function(middle) * sign > 0.0
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    return 0.5 * (low + high)
+    before, last = at[rising], at[rising + 1]
+    old, new = values[rising], values[rising + 1]
+    todo = np.arange(rising.size)
+    for step in range(_STEPS):
+        if not todo.size:
+            break
+        low, high, f_low, f_high = before[todo], last[todo], old[todo], new[todo]
+        share = f_high / (f_high - f_low) if step % 3 < 2 else 0.5
+        place = high - share * (high - low)
+        value = function(place)
+        crossed = value * f_high < 0.0
+        before[todo] = np.where(crossed, high, low)
+        old[todo] = np.where(crossed, f_high, 0.5 * f_low)
+        last[todo], new[todo] = place, value
+        apart = np.minimum(np.abs(place - high), np.abs(place - before[todo]))
+        todo = todo[(value != 0.0) & (apart > _CLOSE * place)]
+    return last
 
 
 def frequency_grid(loop: SampledLoop) -> FloatArray:

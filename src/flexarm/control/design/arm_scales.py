@@ -146,6 +146,8 @@ _UNITS = {
 _WORD = re.compile(r"/|per\b|[A-Za-z]+(?:\^-?\d+(?:\.\d+)?)?")
 #: Scale of a number that is zero, relative to its typical size on the arm.
 _OF_ZERO = 0.1
+#: Angle (rad) in the delay of a loop at `slow_rate`, for a joint that turns the rigid arm.
+_LATE = 0.14
 #: Largest default cutoff, relative to the sampling frequency.
 _CUTOFF = 0.005
 
@@ -174,12 +176,32 @@ class ArmScales(NamedTuple):
         return size
 
 
-def slow_rate(arm: Arm, sample_time: float) -> float:
+def slow_rate(arm: Arm, sample_time: float, delay: float = 0.0) -> float:
     """Return the lowest angular frequency (rad/s) of the straight arm with locked joints.
 
     At most 0.0064 rad in a ``sample_time`` (s), because a stiff arm may press on a stiff surface.
+    With a ``delay`` of the loop (s), at most 0.14 rad in it times the least inertia that a torque
+    turns at frequencies above those of the links, relative to that of the rigid arm.
     """
-    return min(lowest_frequency(arm), RIGID / sample_time)
+    rate = min(lowest_frequency(arm), RIGID / sample_time)
+    if delay == 0.0:
+        return rate
+    near, whole = joint_inertias(arm, np.zeros((1, arm.joints)))
+    return min(rate, _LATE / (delay + 0.5 * sample_time) * float(np.min(near / whole)))
+
+
+def joint_inertias(arm: Arm, postures: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return two inertias (joints,) kg m^2 about each joint at postures (k, joints) rad.
+
+    The least one that a torque turns at high frequencies, when the links do not follow; and the
+    largest one of the rigid arm.
+    """
+    rigid, found = arm.rigid(), ([], [])
+    for angles in postures:
+        inverse = np.linalg.inv(arm.mass_matrix(arm.rest(angles)))
+        found[0].append(1.0 / np.diag(inverse)[arm.joint_index])
+        found[1].append(np.diag(rigid.mass_matrix(rigid.rest(angles)))[rigid.joint_index])
+    return np.min(found[0], axis=0), np.max(found[1], axis=0)
 
 
 def arm_scales(arm: Arm, rate: float) -> ArmScales:

@@ -409,14 +409,15 @@ class TaskReference(NamedTuple):
     force: float  # N, on the surface
     normal_x: float  # of the surface, pointing away from it; 0, 0 without a force
     normal_y: float
+    curvature: float  # of the surface, 1/m, positive if it is convex
     angle: FloatArray  # (joints,) rad
     rate: FloatArray  # (joints,) rad/s
     acceleration: FloatArray  # (joints,) rad/s^2
-    pressing: FloatArray  # (joints,) N m, in addition to the torque of the rigid model, (F.3)
+    pressing: FloatArray  # (joints,) N m, in addition to the rigid model with the force, (F.3)
 
 
 #: Number of scalar fields of ``TaskReference``.
-NUMBERS = 9
+NUMBERS = 10
 
 
 class _SampledRows:
@@ -487,13 +488,16 @@ class TaskPlan(_SampledRows):
         tip_acceleration = np.einsum("tij,tj->ti", J, acceleration)
         tip_acceleration += np.einsum("tij,tj->ti", J_rate, rate)
         # The arrays have the type of the angles, which are symbols in exported controllers.
-        force, normal = (np.zeros_like(angle, shape=(len(t), count)) for count in (1, 2))
+        force, normal, curved = (np.zeros_like(angle, shape=(len(t), count)) for count in (1, 2, 1))
         pressing = np.zeros_like(angle)
         if hasattr(reference, "contact_force"):
             force[:, 0] = values_of(reference, "contact_force", t)
             normal[:] = values_of(reference, "normal", t)
             pressing[:] = values_of(reference, "pressing_torque", t)
-        of_tip = (self._chain.tip(angle), velocity, tip_acceleration, force, normal)
+            pressing += np.einsum("tij,ti->tj", J, force * normal)
+        if hasattr(reference, "curvature"):
+            curved[:, 0] = values_of(reference, "curvature", t)
+        of_tip = (self._chain.tip(angle), velocity, tip_acceleration, force, normal, curved)
         return np.concatenate([*of_tip, angle, rate, acceleration, pressing], axis=1)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Any, ClassVar, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 
@@ -59,6 +59,11 @@ class TaskSample(NamedTuple):
         return force
 
 
+#: Turn of the force on a convex surface, relative to that of a stiff arm beside its path: links
+#: bend along, which displaces the tip further than the joints show.
+_TURNED = 2.0
+
+
 class TaskController(OfArm, Controller):
     """Base of controllers of the tip of a rigid model in contact with a surface."""
 
@@ -66,11 +71,15 @@ class TaskController(OfArm, Controller):
 
     exports_plan = True
 
+    if TYPE_CHECKING:  # a parameter of every law
+        delay: float
+
     _shares: ClassVar[dict[str, float]]
     """Defaults of parameters, relative to their typical sizes on the arm."""
 
     def __post_init__(self) -> None:
-        self._scales = arm_scales(self.arm, slow_rate(self.arm, self.sample_time))
+        rate = slow_rate(self.arm, self.sample_time, self.delay)
+        self._scales = arm_scales(self.arm, rate)
         set_defaults(self, self._shares, self._scales)
         self._reads_force = True
         self._posture_frequency = 0.0  # of joint errors, rad/s; a subclass sets it
@@ -108,12 +117,26 @@ class TaskController(OfArm, Controller):
             return after, torque
         now = TaskSample(after, inputs, request, state, readings)
         acceleration, force = self._law(now)
+        x, y = self._pressed(request, state)
+        force = (force[0] + x, force[1] + y)
         posture = self._posture(request, angle, rate)
         return after, self._task.torque(state, acceleration, force, posture, request.pressing)
 
     def _request(self, memory: Arrays, inputs: Arrays) -> TaskReference:
         """Return the requested motion and force of a sample."""
         return self._plan.request(inputs["request"])
+
+    def _pressed(self, request: TaskReference, state: TaskState) -> tuple[float, float]:
+        """Return the requested force (N) on the surface where the tip is, x and y, (F.3).
+
+        Beside its path the tip would otherwise be pushed further away: on a convex surface, and
+        because the forces of constant torques turn with the arm.
+        """
+        (x, y), *_ = state.motion.tolist()
+        nx, ny, force = request.normal_x, request.normal_y, request.force
+        beside = nx * (y - request.y) - ny * (x - request.x)
+        turned = _TURNED * max(0.0, request.curvature) * beside
+        return force * (turned * ny - nx), -force * (turned * nx + ny)
 
     @abstractmethod
     def _law(self, now: TaskSample) -> TipLaw:

@@ -147,8 +147,9 @@ class HybridForceParameters(ControllerParameters):
     """Hybrid control: position along a surface, force normal to it.
 
     Defaults are relative to the arm: to the rate w, its lowest angular frequency, straight with
-    locked joints, but at most 0.0064 rad in a sample time; to its reach L; and to the force F at
-    the reach that accelerates the straight rigid arm about its first joint by w^2 / 4.
+    locked joints, but at most 0.0064 rad in a sample time, and with a delay less than 0.14 rad in
+    it; to its reach L; and to the force F at the reach that accelerates the straight rigid arm
+    about its first joint by w^2 / 4.
     """
 
     name = "hybrid_force"
@@ -171,6 +172,9 @@ class HybridForceParameters(ControllerParameters):
     touch_force: _OfArm = None
     """Measured force below which there is no contact (N); by default a tenth of the requested
     force."""
+    delay: NonNegative = 0.0
+    """Delay of the loop by motors, instruments and the filter of the joint rates, to which the
+    default gains are adapted (s)."""
     sample_time: SampleTime = 0.001
 
 
@@ -237,6 +241,9 @@ class ImpedanceParameters(ControllerParameters):
     posture_frequency: _OfArm = None
     """Natural frequency of the posture error of arms with more than two joints, and of all joint
     errors along a motion without force (rad/s); by default 0.8 w."""
+    delay: NonNegative = 0.0
+    """Delay of the loop by motors, instruments and the filter of the joint rates, to which the
+    default gains are adapted (s)."""
     sample_time: SampleTime = 0.001
 
 
@@ -259,6 +266,9 @@ class AdmittanceParameters(ControllerParameters):
     most_speed: _PositiveOfArm = None
     """Largest speed of the reference relative to the motion, and so of the approach without contact
     (m/s); by default 0.0066 L w."""
+    delay: NonNegative = 0.0
+    """Delay of the loop by motors, instruments and the filter of the joint rates, to which the
+    default gains are adapted (s)."""
     sample_time: SampleTime = 0.001
 
 

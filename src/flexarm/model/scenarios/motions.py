@@ -219,7 +219,10 @@ Force = Annotated[
 
 
 class PressedMotionSpec(Record):
-    """Motion of the bent arm's tip along a surface on which it presses."""
+    """Motion of the bent arm's tip along a surface on which it presses.
+
+    After the path the tip is at rest and presses on with its last force.
+    """
 
     kind: Literal["pressed"] = "pressed"
     path: PathSpec

@@ -13,10 +13,17 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError, FlexarmWarning
 from flexarm.cases.scenario.references import Followed, motion_of
 from flexarm.cases.scenario.scenario import prepare
-from flexarm.control.analysis.margins import loop_at, loop_margins, without_friction
-from flexarm.control.design.arm_scales import NOISE
+from flexarm.control.analysis.margins import (
+    check_single_rate,
+    loop_at,
+    margins_at,
+    places_of,
+    stability_of,
+    without_friction,
+)
+from flexarm.control.analysis.sampled_loop import PlantModel, SampledLoop
+from flexarm.control.design.arm_scales import NOISE, joint_inertias
 from flexarm.control.design.linear_design import CHORD
-from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.laws.task_controller import HybridForce, Impedance
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Scenario
@@ -45,21 +52,35 @@ _DELAYS, _DAMPED = 2.0, 0.02
 #: Frequencies of the joint loops, relative to the lowest frequency with locked joints, and their
 #: damping ratios. Loops above half of that frequency bend the links more than they move them.
 _BANDWIDTHS, _DAMPINGS = (0.15, 0.25, 0.4, 0.6, 1.0, 1.5, 2.5), (0.7, 1.2)
+#: Largest derivative gain of a joint loop times its lag, relative to the inertia that a torque
+#: turns at frequencies above those of the links.
+_NIMBLE = 0.7
 #: Frequencies and damping ratios of the joint loops inside strain feedback, which are stiff.
 _INNER, _INNER_DAMPING, _STRAIN_DAMPING = (1.0, 2.0, 3.0), 1.0, (0.3, 0.6)
 #: Cutoffs of the bending in redefined outputs, and frequencies of the joint loops inside, likewise.
 _REDEFINED, _REDEFINED_BANDWIDTHS = (0.05, 0.15), (0.25, 0.4, 0.6, 1.0)
 #: Crossover frequencies of loop shaping, relative to the same frequency.
-_CROSSOVERS = (0.4, 0.7, 1.1, 1.6)
+_CROSSOVERS = (0.2, 0.4, 0.7, 1.1, 1.6)
 #: Acceptable deviations of the tip, relative to the length of the arm, and of the rates, relative
 #: to the lowest frequency; noise of a measured tip, and acceptable integral of its error times that
 #: frequency, relative to the length.
 _TIP, _RATE, _TIP_NOISE, _TIP_INTEGRAL = 0.004, 0.0064, 4e-4, 3e-4
+#: Acceptable joint angles of arms with more joints than coordinates of the tip, rad.
+_ANGLE = 0.01
 #: Acceptable angular accelerations relative to the square of that frequency: less than the default,
 #: because the designs must be stable with the uncertain payload, too.
 _BRISK = 0.04
-#: Factors of the acceptable torques: with less torque, loops permit more delay.
-_GENTLE = (1.0, 0.3)
+#: Factors of the acceptable torques and of the noise of the filter: with less torque loops permit
+#: more delay, and with more noise they react less to fast modes that differ from the model.
+_GENTLE = (
+    (1.0, 1.0),
+    (0.3, 1.0),
+    (0.3, 5.0),
+    (0.3, 25.0),
+    (0.1, 25.0),
+    (0.1, 100.0),
+    (0.03, 100.0),
+)
 #: Least rigidity uncertainty of the designs: the model of a real arm is never exact.
 _SOME = 0.1
 #: Bandwidths of force loops relative to the lowest frequency with locked joints.
@@ -90,11 +111,13 @@ def candidates_of(needs: Requirements) -> list[Candidate]:
 def _of_position(needs: Requirements) -> Iterator[Candidate]:
     """Yield the candidates without contact, the most capable one first."""
     seen, model = needs.sensors, needs.computing != "low"
-    if model and {"gauges", "tip"} & seen:
+    if model:
         measured = "the tip" if "tip" in seen else "strain gauges"
+        measured = measured if {"gauges", "tip"} & seen else "the angles of the joints"
         reason = f"It estimates the bending of the links from {measured} and corrects it."
         yield Candidate("LQG", reason, tuple(_quadratic(needs, "lqg")))
-        if needs.computing == "high" and needs.torque_limit is not None:
+        plans = needs.computing == "high" and needs.torque_limit is not None
+        if plans and {"gauges", "tip"} & seen:
             reason = "As LQG, and it plans with the limits of the torques."
             yield Candidate("MPC", reason, tuple(_quadratic(needs, "mpc")))
     if "gauges" in seen and needs.heavy:
@@ -116,9 +139,7 @@ def _of_position(needs: Requirements) -> Iterator[Candidate]:
         )
         yield Candidate("loop shaping", reason, tuple(_shaping(needs)))
     reason = "The simplest loop of the joints, along the joint angles of the bent arm."
-    settings = product(_BANDWIDTHS, _DAMPINGS)
-    drives = tuple(_joint_loop(needs, *pair) for pair in settings)
-    yield Candidate(_JOINT_LOOPS[needs.heavy], reason, drives)
+    yield Candidate(_JOINT_LOOPS[needs.heavy], reason, tuple(_joint_loops(needs)))
 
 
 def _of_force(needs: Requirements) -> Iterator[Candidate]:
@@ -142,15 +163,15 @@ def _of_force(needs: Requirements) -> Iterator[Candidate]:
 
 
 def _damped(needs: Requirements, kind: type[HybridForce] | type[Impedance], factor: float) -> Drive:
-    """Return a force controller with its default damping times a factor."""
-    sample_time = needs.sample_time
-    usual = vars(kind(needs.arm, sample_time=sample_time))
+    """Return a force controller with its default damping for the delay, times a factor."""
+    times = {"delay": float(f"{needs.rate_delay:.3g}"), "sample_time": needs.sample_time}
+    usual = vars(kind(needs.arm, **times))
     damping: Drive = {
         name: rounded([factor * usual[name]])[0]
         for name in ("normal_damping", "tangent_damping")
         if name in usual
     }
-    return {"kind": kind.name, **damping, "sample_time": sample_time}
+    return {"kind": kind.name, **damping, **times}
 
 
 def _frequency(needs: Requirements) -> float:
@@ -162,16 +183,13 @@ def _frequency(needs: Requirements) -> float:
     return float(min(2.0 * np.pi / needs.period, limit))
 
 
-def _inertia(needs: Requirements) -> FloatArray:
-    """Return the largest inertia (joints,) about each joint at the two postures, kg m^2."""
-    rigid = RigidModel(needs.arm)
-    each = np.array([np.diag(rigid.mass_matrix(at)) for at in needs.postures])
-    return np.asarray(each.max(axis=0))
-
-
 def _joint_loop(needs: Requirements, factor: float, damping: float) -> Drive:
     """Return joint PD; under gravity joint PID, which knows the limits of the motors."""
-    inertia, omega = _inertia(needs), factor * _frequency(needs)
+    nimble, inertia = joint_inertias(needs.arm, needs.postures)
+    lag = needs.rate_delay + 0.5 * needs.sample_time
+    omega = np.minimum(
+        factor * _frequency(needs), _NIMBLE * nimble / (2.0 * damping * lag * inertia)
+    )
     drive: Drive = {
         "kind": _JOINT_LOOPS[needs.heavy].replace(" ", "_").lower(),
         "proportional": rounded(inertia * omega**2),
@@ -182,6 +200,12 @@ def _joint_loop(needs: Requirements, factor: float, damping: float) -> Drive:
         if needs.torque_limit is not None:
             drive["torque_limit"] = rounded(needs.torque_limit)
     return drive | {"sample_time": needs.sample_time}
+
+
+def _joint_loops(needs: Requirements) -> Iterator[Drive]:
+    """Yield joint loops of all frequencies, without repeating those that the lag limits."""
+    loops = (_joint_loop(needs, *pair) for pair in product(_BANDWIDTHS, _DAMPINGS))
+    yield from {repr(loop): loop for loop in loops}.values()
 
 
 def _resonant(needs: Requirements) -> Iterator[Drive]:
@@ -234,8 +258,12 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
         del measured["strain"]
     common: Drive = {
         "acceptable": {"tip": tip, "joint_rate": rate},
-        "acceptable_torque": rounded(_BRISK * omega**2 * _inertia(needs)),
+        "acceptable_torque": rounded(
+            _BRISK * omega**2 * joint_inertias(needs.arm, needs.postures)[1]
+        ),
     }
+    if needs.arm.joints > 2:  # the tip does not determine the joints
+        common["acceptable"]["joint_angle"] = _ANGLE
     if "tip" in needs.sensors:
         measured["tip"] = noise
         common["integral"] = {"tip": integral}
@@ -253,9 +281,11 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
         common["delay"] = needs.delay
     tried = [(least, 0.0), (max(0.3, least), 0.0), (max(0.3, least), 1.0), (1.0, 1.0)]
     torque = np.array(common["acceptable_torque"])
-    for gentle, (unsure, recovery) in product(_GENTLE, dict.fromkeys(tried)):
+    for gentle, noisy in _GENTLE:
         common["acceptable_torque"] = rounded(gentle * torque)
-        yield {"kind": kind, "rigidity_uncertainty": unsure, "recovery": recovery, **common}
+        common["measured"] = {name: noisy * size for name, size in measured.items()}
+        for unsure, recovery in dict.fromkeys(tried if noisy == 1.0 else tried[:1]):
+            yield {"kind": kind, "rigidity_uncertainty": unsure, "recovery": recovery, **common}
 
 
 def _designs(needs: Requirements) -> Drive:
@@ -280,21 +310,15 @@ def _designs(needs: Requirements) -> Drive:
     return {"posture": middle, "schedule": schedule}
 
 
-#: Margins in tables: name in `loop_margins`, the worst of several values.
-_MARGINS = {
-    "disk_margin": np.min,
-    "gain_margin": np.min,
-    "phase_margin": np.min,
-    "delay_margin": np.min,
-    "growth": np.max,
-}
+#: Margins in tables, and their values for an unstable loop.
+_UNSTABLE = {"disk_margin": 0.0, "gain_margin": 1.0, "phase_margin": 0.0, "delay_margin": 0.0}
 
 
 class Assessed(NamedTuple):
     """A drive with its worst margins over plants and postures."""
 
     drive: Drive  # as in a file
-    margins: dict[str, float]  # by name, see ``_MARGINS``; SI units
+    margins: dict[str, float]  # by name, growth and damping_ratio, too; SI units
     states: int  # numbers that the controller keeps between samples
 
     @property
@@ -347,47 +371,49 @@ class Loops:
         self._arm = Arm(scenario.arm)
         self._motion = motion_of(self._arm, scenario)
         self._followed: dict[str | None, Followed] = {}
+        self._models: dict[Any, tuple[Arm | None, PlantModel]] = {}
         self.error = ""
 
-    def assess(self, drive: Drive) -> Assessed:
-        """Return the margins of a drive; FlexarmError if it cannot be designed for the arm."""
+    def assess(self, drive: Drive) -> tuple[Assessed, list[SampledLoop]]:
+        """Return a drive with the stability of its loops, and those whose margins are missing.
+
+        Raises FlexarmError if it cannot be designed for the arm.
+        """
         scenario = scenario_of(self._content, drive)
         kind = scenario.drive.reference_kind
         known = self._followed.get(kind)
         prepared = prepare(scenario, motion=self._motion, followed=known, arm=self._arm)
         self._followed[kind] = prepared.followed
         controller = prepared.options["controller"]
-        hardware, contacts = prepared.options.get("hardware"), scenario.contacts
-        around: dict[str, Any] = {"hardware": hardware}
-        places: Any = self._postures
+        contacts = without_friction(scenario.contacts)
         reference: Any = prepared.followed.motion if contacts else None
-        if contacts:
-            around |= {"contacts": contacts, "reference": reference}
-            places = [reference.start_time, reference.end_time]
-        found = loop_margins(controller, self._plants, places, **around)
-        margins = {name: float(worst(found[name].values)) for name, worst in _MARGINS.items()}
-        ratio = found["damping_ratio"].values
-        decay = ratio * found["pole_frequency"].values
-        # Integrators without effect have poles at zero, but for rounding.
-        vibrates = (ratio < 1.0 - 1e-9) & (
-            2.0 * np.pi * found["pole_frequency"].values * controller.sample_time > _RESTING
-        )
-        margins["damping_ratio"] = (
-            float(ratio[vibrates][np.argmin(decay[vibrates])]) if vibrates.any() else 1.0
-        )
-        start = reference.start_time if contacts else 0.0
-        at = (
-            next(iter(self._plants.values())),
-            self._postures[0],
-            hardware,
-            without_friction(contacts),
-            reference,
-            start,
-        )
-        return Assessed(drive, margins, len(loop_at(controller, *at).controller.A))
+        times = [reference.start_time, reference.end_time] if contacts else self._postures
+        places = places_of(controller, self._arm, times, reference)
+        models = None if contacts else self._models
+        hardware = prepared.options.get("hardware")
+        loops = [
+            loop_at(controller, plant, posture, hardware, contacts, reference, t, models)
+            for plant in self._plants.values()
+            for t, posture in places
+        ]
+        check_single_rate(loops[0])
+        margins, decays = {"growth": -np.inf, "damping_ratio": 1.0}, []
+        for loop in loops:
+            growth, (hertz, ratio) = stability_of(loop)
+            margins["growth"] = max(margins["growth"], growth)
+            # Integrators without effect have poles at zero, but for rounding.
+            turned = 2.0 * np.pi * hertz * loop.sample_time
+            vibrates = (ratio < 1.0 - 1e-9) & (turned > _RESTING)
+            decays += [(r * f, r) for r, f in zip(ratio[vibrates], hertz[vibrates], strict=True)]
+        margins["damping_ratio"] = float(min(decays, default=(0.0, 1.0))[1])
+        found = Assessed(drive, margins | _UNSTABLE, len(loops[0].controller.A))
+        return found, loops if found.stable else []
 
     def best(self, candidate: Candidate, disk_margin: float, delay: float) -> Assessed | None:
-        """Return the best setting of a candidate; None, and ``error``, if none can be designed."""
+        """Return the best setting of a candidate; None, and ``error``, if none can be designed.
+
+        Margins take time, so that they are computed from the fastest decay on, until one suffices.
+        """
         found = []
         with warnings.catch_warnings():  # the table shows what they warn of
             warnings.simplefilter("ignore", FlexarmWarning)
@@ -396,7 +422,20 @@ class Loops:
                     found.append(self.assess(drive))
                 except FlexarmError as error:  # no solution of a Riccati equation, no equilibrium
                     self.error = str(error)
-        return max(found, key=lambda one: one.value(disk_margin, delay), default=None)
+        done = []
+        for one, loops in sorted(found, key=lambda pair: pair[0].margins["growth"]):
+            if loops:
+                gain, _, phase, late, disk = zip(*(margins_at(loop) for loop in loops), strict=True)
+                one.margins.update(
+                    gain_margin=float(np.min(gain)),
+                    phase_margin=float(np.min(phase)),
+                    delay_margin=float(np.min(late)),
+                    disk_margin=float(np.min(disk)),
+                )
+            done.append(one)
+            if all(one.value(disk_margin, delay)[:2]):
+                break
+        return max(done, key=lambda one: one.value(disk_margin, delay), default=None)
 
 
 def scenario_of(content: Mapping[str, Any], drive: Drive) -> Scenario:

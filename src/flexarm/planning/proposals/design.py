@@ -227,8 +227,7 @@ def design(
         rule = "has no controller among the candidates that can be designed for this arm"
         hint = f"Give the links damping, or use other sensors. The last error is: {loops.error}"
         raise InputError(Problem("task", rule, hint=hint))
-    if needs.heavy:
-        _wait_for_integrals(needs, content, found)
+    _wait_until_settled(needs, content, found)
     table = _table(needs, content, found, progress)
     chosen = _chosen(needs, found, table)
     refusal = _refusal(needs, found, table, chosen)
@@ -272,10 +271,10 @@ def _table(
     return table
 
 
-def _wait_for_integrals(
+def _wait_until_settled(
     needs: Requirements, content: dict[str, Any], found: Mapping[str, Assessed]
 ) -> None:
-    """Extend the runs until integral feedback has settled, and measure the error after that."""
+    """Extend the runs until the loops have settled, and measure the error after that."""
     decays = [-one.margins["growth"] for one in found.values() if not one.refusal(needs.delay)]
     longest = _LONGEST * needs.period
     time = min(_SETTLED / min(decays, default=np.inf), longest)
@@ -323,7 +322,7 @@ _DISTURBED = 0.01
 #: Time before the motion in periods of the lowest frequency; with a force, which is zero at the
 #: start; and time after the motion.
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
-#: Time after the motion under gravity: time constants of the slowest pole, and the most periods.
+#: Time after the motion: time constants of the slowest pole of a loop, and the most periods.
 _SETTLED, _LONGEST = 6.0, 20.0
 #: Share of a run with a motor at its limit above which the reasons mention it.
 _LIMITED = 0.1

@@ -89,6 +89,12 @@ def delay_of(hardware: Hardware) -> float:
     return motors.delay + motors.time_constant + readings
 
 
+def rate_lag_of(hardware: Hardware) -> float:
+    """Return the lag (s) of the joint rates by their filter."""
+    read = [item for item in hardware.instruments or () if "joint_rate" in item.labels]
+    return sum(0.5 / (math.pi * item.rate_cutoff) for item in read if item.rate_cutoff)
+
+
 def typical_text(hardware: Hardware) -> str:
     """Return a sentence about a typical drive."""
     encoder = (hardware.instruments or ())[0]

@@ -28,6 +28,7 @@ from flexarm.planning.proposals.drive import (
     READINGS,
     checked_hardware,
     delay_of,
+    rate_lag_of,
     readings_of,
     torque_limit_of,
     typical_hardware,
@@ -116,6 +117,11 @@ class Requirements:
     def delay(self) -> float:
         """Delay (s) of the loop by the hardware."""
         return delay_of(self.hardware)
+
+    @property
+    def rate_delay(self) -> float:
+        """Delay (s) of feedback of the joint rates, by the hardware and its filter."""
+        return self.delay + rate_lag_of(self.hardware)
 
     @property
     def heavy(self) -> bool:
