@@ -213,8 +213,9 @@ class RecordFile(RecordSettings):
 class FitSettings(Record):
     """Settings of the least-squares fit and of its runs."""
 
-    starts: Count = 1
-    """Number of starts; all but the first are drawn at random."""
+    starts: Count | None = None
+    """Number of starts; all but the first are drawn at random. By default 1, and two more
+    on both sides of the result if estimates correlate by more than 0.8."""
     seed: Seed = 0
     """Seed of the random starts."""
     loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"
@@ -226,7 +227,8 @@ class FitSettings(Record):
     """Standard deviation of a random torque error in each sample, one for all joints or one for
     each, for prediction_error (N m); estimated by default."""
     iterations: Count = 200
-    """Most evaluations of the residuals of a fit from one start."""
+    """Most evaluations of the residuals of a fit from one start, those of the beginnings of long
+    records included."""
     integrator: Word = "auto"
     """Name of the integrator."""
     step: Positive | None = None
