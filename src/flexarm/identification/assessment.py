@@ -45,6 +45,8 @@ _AT_BOUND = 1e-4
 #: Increase of RMS up to which another arm fits equally well, the relative change of a parameter by
 #: which an arm is another one, and the most parameters that are named.
 _EQUAL, _OTHER, _MOST = 0.02, 0.2, 3
+#: Fit (%) from which a channel is perfect.
+_PERFECT = 99.9
 #: Largest relative change of a parameter at a further start.
 _FAR = 0.7
 #: Half the width of a 95 % interval, in standard deviations.
@@ -70,7 +72,9 @@ def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
     """Return the assessment of a fit, with tests of ``effects`` that the model lacks."""
     slots, size = problem.space.slots, np.abs(fit.vector)
     columns, priors, physical = _information_of(problem, fit)
-    missing = missing_effects(problem, fit, columns) if effects else []
+    # Residuals of a search that goes on, or below the accuracy of the runs, show nothing.
+    rough = fit.converged and min(fits_by_channel(problem.runs, fit.outputs).values()) < _PERFECT
+    missing = missing_effects(problem, fit, columns) if effects and rough else []
     shifts = [effect.shift for effect in missing]
     covariance = covariance_of(columns, priors, shifts)
     # An estimate of zero has no size.
@@ -82,10 +86,12 @@ def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
     alone = [(places[0], deviation) for places, deviation in named if len(places) == 1]
     sentences = [_sentence_of_each(alone)] if alone else []
     sentences += [_sentence(places, d) for places, d in named if len(places) > 1]
-    tables = [
-        _table(problem, fit, covariance, np.flatnonzero(chosen)) for chosen in (physical, ~physical)
-    ]
-    return Assessment(*tables, tuple(sentences), tuple(effect.sentence for effect in missing))
+    return Assessment(
+        _table(problem, fit, covariance, np.flatnonzero(physical)),
+        _table(problem, fit, covariance, np.flatnonzero(~physical)),
+        tuple(sentences),
+        tuple(effect.sentence for effect in missing),
+    )
 
 
 def _information_of(

@@ -194,7 +194,8 @@ def identify(
     problem = _problem(space, runs, _watch(progress), {}, disturbed)
     tried = _fits(problem, 1 if starts is None else starts, random, loss, iterations)
     best, assessment = _best(problem, tried)
-    if starts is None and (assessment.undetermined or related(assessment.parameters)):
+    doubtful = assessment.undetermined or related(assessment.parameters)
+    if starts is None and best.converged and doubtful:
         direction = weakest_direction(problem, assessment.parameters)
         tried += fitting.other_fits(problem, best, direction, loss, iterations)
         if min(tried, key=_cost_of) is not best:

@@ -25,7 +25,7 @@ from flexarm.integrate.base import FloatArray
 _SIZE = 0.01
 #: Least deviations by which an effect differs from zero, least share of the squared residuals that
 #: it explains, and least part of its change that no estimate reproduces.
-_DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.05, 1e-4
+_DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-4
 #: Most effects that are named.
 _MOST = 3
 
@@ -123,9 +123,11 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
         effects = _of_outputs(run, outputs)
         if run.record.driven and run.record.input != "none":
             effects |= _of_inputs(run, problem.space.case(k, fit.vector), outputs)
+        # A channel without residuals, such as one that is always zero, has no noise to compare.
+        tested = run.valid & np.any((run.measured != outputs) & run.valid, axis=0)
         for key, change in effects.items():
             own = changes.setdefault(key, list(zeros))
-            own[k] = problem.whitened(k, change) * run.valid
+            own[k] = problem.whitened(k, np.where(tested, change, 0.0))
     return [
         _Candidate(name, unit, [column for own in every for column in own.T], positive)
         for (name, unit, positive), every in changes.items()
