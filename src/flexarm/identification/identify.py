@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
@@ -52,6 +53,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Motors
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
+from flexarm.model.file_format.yaml_text import Document
 from flexarm.model.identification import FreeParameter, locate_identification
 from flexarm.model.quantities import Count, Flag
 from flexarm.model.wording import path_of
@@ -151,7 +153,8 @@ def identify(
         IdentifiabilityWarning: if the data do not determine parameters or combinations of them, or
             another arm fits almost equally well.
         ConvergenceWarning: if the fit has not converged.
-        FlexarmWarning: if the times of a record are probably not in seconds.
+        FlexarmWarning: if the times of a record are probably not in seconds; those of a file whose
+            unit is not stated raise `InputError`.
         AccuracyWarning: if the rate of a result of a closed loop is lower than that of its
             controller, so that the estimates may be biased; if the residuals show an effect that
             the model lacks; if a channel has a fit below 5 %; or if an estimate differs from its
@@ -391,12 +394,12 @@ def _watch(progress: bool | None) -> fitting.Watch | None:
 class PreparedIdentification:
     """Identification of a file, with its records read; errors are listed with their lines."""
 
-    def __init__(self, path: Path) -> None:
-        self.study, self._where = locate_identification(path)
+    def __init__(self, source: Path | Document, folder: Path) -> None:
+        self.study, self._where = locate_identification(source)
         self.arm = described_arm(self.study.arm)
-        self._folder = path.parent
-        self._records = self._read("records")
-        self._validation = self._read("validation")
+        self._folder = folder
+        self.records = self._read("records")
+        self.validation = self._read("validation")
 
     def _read(self, key: str) -> dict[str, MeasuredRecord]:
         measured = {}
@@ -405,19 +408,35 @@ class PreparedIdentification:
                 measured[name] = record_of_file(description, self._folder / description.file)
         return measured
 
+    def check(self) -> None:
+        """Raise if records do not fit the arm, with the errors of ``identify``."""
+        with self._errors():
+            every = {**self.records, **self.validation}
+            check_inputs(every)
+            _check_currents(every, self.study.motors)
+            space = Space(self.arm, self.study.motors, list(self.study.free), every)
+            runs = [RecordRun(name, record, self.arm, {}) for name, record in every.items()]
+            warn_of_work(runs, space)
+
     def run(self, progress: bool | None = None) -> Identification:
         """Estimate the parameters, with the errors of ``identify``."""
         study, fit = self.study, self.study.fit
-        try:
+        with self._errors():
             return identify(
                 self.arm,
-                self._records,
+                self.records,
                 list(study.free),
-                validation=self._validation,
+                validation=self.validation,
                 motors=study.motors,
                 progress=progress,
                 **dict(fit),
             )
+
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        """Raise errors of records with their lines."""
+        try:
+            yield
         except InputError as error:
             raise InputError(*map(self._in_file, error.problems)) from None
 

@@ -23,7 +23,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
 from flexarm.model.hardware import CHANNEL_SIGNALS
-from flexarm.model.identification import UNITS, Filter, RecordSettings
+from flexarm.model.identification import INPUTS, UNITS, Filter, RecordSettings
 from flexarm.simulation.histories.piecewise import INTERPOLATIONS
 from flexarm.simulation.run.channels import CHANNELS, Channel
 
@@ -34,6 +34,8 @@ VOLTAGE = Channel("voltage", ("joint",), "V", "voltage of the joint motors")
 MEASURED: dict[str, Channel] = {
     name: CHANNELS[name] for name in CHANNEL_SIGNALS if "contact" not in CHANNELS[name].dims
 } | {"current": CURRENT, "voltage": VOLTAGE}
+#: Signs in units, and what replaces them.
+_SIGNS = str.maketrans({"°": "deg", "·": " ", "⋅": " ", "µ": "u", "μ": "u"})
 _UNIT = re.compile(r"^(.*?)(\s*)[\[(]([^\])]*)[\])]$")
 
 
@@ -93,9 +95,14 @@ def is_number(text: str) -> bool:
     return True
 
 
+def is_unit(text: str) -> bool:
+    return any(text.translate(_SIGNS) in known for known in UNITS.values())
+
+
 def factor_of(name: str, unit: str, si: str) -> float:
     """Return the factor from a unit to the SI unit of a channel; InputError if it is not one."""
     known = UNITS[si]
+    unit = unit.translate(_SIGNS)
     if unit not in known:
         rule = f"be a unit of its channel ({', '.join(known)})"
         raise InputError(Problem(name, rule, shown(unit)))
@@ -330,8 +337,7 @@ class MeasuredRecord:
             return "none"
         if self.settings.input is not None:
             return self.settings.input
-        known = "torque", "current", "voltage"
-        return next((name for name in known if name in self.data), "none")
+        return next((name for name in INPUTS if name in self.data), "none")
 
     @property
     def driven(self) -> bool:

@@ -303,7 +303,10 @@ def delayed(history: PiecewiseCubic, delay: float) -> PiecewiseCubic:
 
 
 def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
-    """Warn of records that take long and whose samples are too far apart to contain a vibration."""
+    """Warn of records that take long and whose samples are too far apart to contain a vibration.
+
+    InputError if the unit of their times is not stated.
+    """
     for k, run in enumerate(runs):
         case = space.case(k, space.start)
         arm = Arm(case.spec)
@@ -329,4 +332,7 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
                 f"by {phase:.2g} rad, and a fit would take about {work:.0e} evaluations of the "
                 "dynamics. Times are in seconds: are these in milliseconds?"
             )
+            if "assumed" in run.record.data["time"].attrs:
+                hint = 'Give time_unit="ms", or "s" if they are right.'
+                raise InputError(Problem("time", text, hint=hint))
             warn_caller(text, FlexarmWarning)

@@ -23,7 +23,7 @@ def identify(
     from flexarm.identification.identify import PreparedIdentification
     from flexarm.identification.result import FIT_HEADS, HEADS, RELATED_HEADS, fit_rows, related
 
-    prepared = PreparedIdentification(study)
+    prepared = PreparedIdentification(study, study.parent)
     check_places(("--out", out, (".yaml", ".yml")), ("--result", result, (".nc",)))
     with warnings.catch_warnings():  # printed below
         warnings.simplefilter("ignore", IdentifiabilityWarning)
