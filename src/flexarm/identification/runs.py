@@ -22,7 +22,6 @@ from flexarm.base.errors import (
 from flexarm.identification.record import (
     Label,
     MeasuredRecord,
-    Path,
     columns_of,
     place_of,
     without_phase,
@@ -55,27 +54,10 @@ class RecordRun:
         self, name: str, record: MeasuredRecord, arm: Arm, options: Mapping[str, Any]
     ) -> None:
         self.name, self.record, self._arm, self._options = name, record, arm, dict(options)
-        outputs = record.outputs
-        self.labels = list(outputs)
+        self.labels = list(record.outputs)
         self._check(arm)
-        times = record.times - record.times[0]
-        self.times = times
-        columns = np.stack(list(outputs.values()), axis=1)
-        self.valid = np.isfinite(columns)
-        settings = record.settings
-        self._paths = [
-            Path(
-                times,
-                self.valid[:, k],
-                settings.delays.get(label.channel, 0.0),
-                settings.filters.get(label.channel, ()),
-            )
-            for k, label in enumerate(self.labels)
-        ]
-        filled = np.where(self.valid, columns, 0.0)
-        self.measured = np.stack(
-            [path.measured(filled[:, k]) for k, path in enumerate(self._paths)], axis=1
-        )
+        self.times = times = record.times - record.times[0]
+        self._paths, self.measured, self.valid = record.treated()
         self._places = [place_of(arm, label) for label in self.labels]
         self.channels = list(dict.fromkeys(label.channel for label in self.labels))
         #: Inputs (samples, joints), in their unit.

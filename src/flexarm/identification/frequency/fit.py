@@ -193,7 +193,7 @@ def fitted_poles(problem: ModeProblem, count: int) -> tuple[FloatArray, dict[str
         numbers = np.concatenate([numbers, problem.next_pole(numbers)])
         numbers = problem.refined(numbers, _FINE if number == count else _COARSE)
         problem.reweight(numbers)
-        each.append(np.sort(root_of(numbers[1:].reshape(-1, 2))))
+        each.append(root_of(numbers[1:].reshape(-1, 2)))
     poles = numbers[1:].reshape(-1, 2)
     order = np.argsort(poles[:, 0])
     numbers = np.concatenate([numbers[:1], poles[order].ravel()])
@@ -210,30 +210,29 @@ def fitted_poles(problem: ModeProblem, count: int) -> tuple[FloatArray, dict[str
 
 def root_of(poles: FloatArray) -> ComplexArray:
     """Return the roots (k,) with positive imaginary part of numbers (k, 2) of poles, 1/s."""
-    omega, zeta = np.exp(poles[:, 0]), _DAMPED * _share(poles[:, 1])
+    return _roots(np.exp(poles[:, 0]), _DAMPED * _share(poles[:, 1]))
+
+
+def _roots(omega: FloatArray, zeta: FloatArray) -> ComplexArray:
     return np.asarray(omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2)))
 
 
 def _diagram(each: list[ComplexArray]) -> xr.Dataset:
     """Return the order diagram of the roots that were fitted with 1, 2, ... modes."""
     size = len(each)
-    hertz, damping = np.full((2, size, size), np.nan)
-    stable = np.zeros((size, size), dtype=bool)
-    for k, roots in enumerate(each):
-        roots = roots[np.argsort(np.abs(roots))]
-        hertz[k, : k + 1], damping[k, : k + 1] = np.abs(roots), -roots.real / np.abs(roots)
-        for m in range(k + 1 if k else 0):
-            near = np.abs(hertz[k, m] / hertz[k - 1, :k] - 1.0) < _SAME_FREQUENCY
-            near &= np.abs(damping[k, m] / damping[k - 1, :k] - 1.0) < _SAME_DAMPING
-            stable[k, m] = near.any()
-    dims = ("order", "mode")
+    roots = np.full((size, size), np.nan, dtype=np.complex128)
+    for k, own in enumerate(each):
+        roots[k, : k + 1] = own[np.argsort(np.abs(own))]
+    omega, damping = np.abs(roots), -roots.real / np.abs(roots)
+    near = [
+        np.abs(values[1:, :, None] / values[:-1, None, :] - 1.0) < limit
+        for values, limit in ((omega, _SAME_FREQUENCY), (damping, _SAME_DAMPING))
+    ]
+    stable = np.vstack([np.zeros((1, size), dtype=bool), (near[0] & near[1]).any(axis=2)])
+    columns = {"frequency_hz": omega / (2.0 * np.pi), "damping_ratio": damping, "stable": stable}
     numbers = np.arange(1, size + 1)
     return xr.Dataset(
-        {
-            "frequency_hz": (dims, hertz / (2.0 * np.pi)),
-            "damping_ratio": (dims, damping),
-            "stable": (dims, stable),
-        },
+        {name: (("order", "mode"), values) for name, values in columns.items()},
         {"order": numbers, "mode": numbers},
     )
 
@@ -358,8 +357,7 @@ class MeasuredModes:
     @property
     def poles(self) -> NDArray[np.complex128]:
         """Poles (k,) with positive imaginary part, 1/s."""
-        omega, zeta = 2.0 * np.pi * self.frequency_hz, self.damping_ratio
-        return np.asarray(omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2)))
+        return _roots(2.0 * np.pi * self.frequency_hz, self.damping_ratio)
 
     @property
     def shapes(self) -> NDArray[np.complex128]:

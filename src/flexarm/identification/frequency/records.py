@@ -30,7 +30,7 @@ from flexarm.identification.frequency.fit import (
     root_of,
 )
 from flexarm.identification.frequency.response import POOR, alike_records, check_band
-from flexarm.identification.record import Label, MeasuredRecord, Path, Records
+from flexarm.identification.record import Label, MeasuredRecord, Records
 from flexarm.identification.statistics import Column, covariance_of, fit_percent
 from flexarm.integrate.base import FloatArray
 from flexarm.model.quantities import Count
@@ -125,8 +125,6 @@ class _OverTime(ModeProblem):
         self._nodes, self._weights = 0.5 * (nodes + 1.0), 0.5 * weights * self._interval
         self._times = [record.times - record.times[0] for record in records]
         self._driven: list[tuple[FloatArray, FloatArray]] = []  # at the samples, and in between
-        self._paths: list[list[Path]] = []
-        columns = []
         for record, times in zip(records, self._times, strict=True):
             samples = np.stack(list(record.inputs.values()), axis=1)
             history = sampled_torque(
@@ -135,30 +133,10 @@ class _OverTime(ModeProblem):
             between = times[:-1, None] + self._interval * self._nodes
             inside = history.at(between.ravel()).reshape(*between.shape, -1)
             self._driven.append((samples, inside))
-            delays, filters = record.settings.delays, record.settings.filters
-            own = np.stack([record.outputs[label] for label in outputs], axis=1)
-            columns.append(own)
-            self._paths.append(
-                [
-                    Path(
-                        times,
-                        np.isfinite(own[:, q]),
-                        delays.get(label.channel, 0.0) + delays.get(record.input, 0.0),
-                        filters.get(label.channel, ()),
-                    )
-                    for q, label in enumerate(outputs)
-                ]
-            )
-        every = np.concatenate(columns)
-        self.valid = np.isfinite(every)
-        filled = np.where(self.valid, every, 0.0)
-        ends = np.cumsum([times.size for times in self._times])
-        self.measured = np.concatenate(
-            [
-                np.stack([p.measured(c) for p, c in zip(paths, part.T, strict=True)], axis=1)
-                for paths, part in zip(self._paths, np.split(filled, ends[:-1]), strict=True)
-            ]
-        )
+        treated = [record.treated(input_delay=True) for record in records]
+        self._paths = [paths for paths, _, _ in treated]
+        self.measured = np.concatenate([measured for _, measured, _ in treated])
+        self.valid = np.concatenate([valid for _, _, valid in treated])
         self._records = np.repeat(np.arange(len(records)), [t.size for t in self._times])
         sizes = [np.std(m[v]) or 1.0 for m, v in zip(self.measured.T, self.valid.T, strict=True)]
         self._weigh(np.array(sizes))
