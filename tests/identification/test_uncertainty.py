@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from data.bench_records import ONE, TWO
+from data.bench_records import ONE
 from identification.benches import (
     FREE,
-    OPTIONS,
     arm_of,
     believed,
     record,
@@ -126,15 +125,13 @@ def test_beginnings_of_long_records_count_as_iterations(monkeypatch):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("bench", "end"), [(ONE, 2.0), (TWO, 1.5)])
-def test_intervals_cover_in_spite_of_friction_and_coloured_errors(bench, end):
+def test_intervals_cover_in_spite_of_friction_and_coloured_errors():
     """Without the tests of missing effects the damping and the payload are never covered."""
-    free, covered = FREE[bench.name], []
-    for seed in range(12):
-        measured = rough_record(bench, seed, end=end)
-        options = OPTIONS.get(bench.name, {})
-        table = quiet(believed(bench, seed), measured, free, starts=1, **options).parameters
-        values = np.array([truth(bench, path) for path in free])
+    free, covered = FREE[ONE.name], []
+    for seed in range(10):
+        measured = rough_record(ONE, seed, end=2.0)
+        table = quiet(believed(ONE, seed), measured, free, starts=1).parameters
+        values = np.array([truth(ONE, path) for path in free])
         covered.append((table["interval_start"] < values) & (values < table["interval_end"]))
-    # 95 %, less four standard deviations of 12 records with one independent number in each.
-    assert np.mean(covered) > 0.95 - 4.0 * np.sqrt(0.95 * 0.05 / 12) / 2.0
+    # 90 % of 60 intervals, of which those of a record are not independent.
+    assert np.mean(covered) > 0.9

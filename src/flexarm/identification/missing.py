@@ -26,6 +26,8 @@ _SIZE = 0.01
 #: Least deviations by which an effect differs from zero, least share of the squared residuals that
 #: it explains, and least part of its change that no estimate reproduces.
 _DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-4
+#: Blocks of the records, and least deviations by their scatter (95 % of t for eight of them).
+_BLOCKS, _CONSISTENT = 8, 2.36
 #: Most effects that are named.
 _MOST = 3
 
@@ -107,10 +109,16 @@ def _test(
     explained = float(direction @ residuals)
     if explained < 0.0 and candidate.positive:
         return 0.0, direction
+    # A drift of the residuals resembles an effect in total, but not in each part of the record.
     ends = np.cumsum([column.residuals.size for column in columns])[:-1]
-    parts = zip(np.split(residuals, ends), np.split(direction, ends), columns, strict=True)
-    scores = [Column(r, np.std(r) * d[:, None], column.valid) for r, d, column in parts]
-    if explained**2 < _DEVIATIONS**2 * coloured_information(scores)[0, 0]:
+    scores = direction * (residuals - explained * direction)
+    parts = [np.array_split(part, _BLOCKS) for part in np.split(scores, ends)]
+    blocks = np.sum([[part.sum() for part in own] for own in parts], axis=0)
+    if explained**2 < _CONSISTENT**2 * _BLOCKS / (_BLOCKS - 1) * float(blocks @ blocks):
+        return 0.0, direction
+    every = zip(np.split(residuals, ends), np.split(direction, ends), columns, strict=True)
+    noise = [Column(r, np.std(r) * d[:, None], column.valid) for r, d, column in every]
+    if explained**2 < _DEVIATIONS**2 * coloured_information(noise)[0, 0]:
         return 0.0, direction
     return explained**2 / total, direction
 
