@@ -77,6 +77,7 @@ from .control.laws import WaveBasedControl as WaveBasedControl
 from .identification.assessment import Identifiability as Identifiability
 from .identification.assessment import identifiability as identifiability
 from .identification.frequency.fit import MeasuredModes as MeasuredModes
+from .identification.frequency.records import measured_modes as measured_modes
 from .identification.frequency.response import FrequencyResponse as FrequencyResponse
 from .identification.frequency.response import frequency_response as frequency_response
 from .identification.identify import identify as identify

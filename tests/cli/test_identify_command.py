@@ -72,7 +72,7 @@ def test_prediction_errors_in_a_file(tmp_path):
 def test_the_example_is_valid():
     from flexarm.identification.identify import PreparedIdentification
 
-    prepared = PreparedIdentification(BENCH / "identify.yaml")
+    prepared = PreparedIdentification(BENCH / "identify.yaml", BENCH)
     assert len(prepared.study.free) == 5
     assert list(prepared.study.validation) == ["check"]
 
@@ -120,8 +120,16 @@ def test_wrong_parameters_name_the_key(tmp_path):
     assert "did you mean hub_inertia?" in done.output
 
 
-def test_check_names_the_command_for_such_files():
+def test_check_reads_records_and_compares_them_with_the_arm(tmp_path):
     done = invoke("check", BENCH / "identify.yaml")
+    assert done.exit_code == 0, done.output
+    for text in ("records: multisine", "at 200 Hz, torque", "strain_1", "ok"):
+        assert text in done.output
+    path = write(tmp_path)
+    record = next(iter(yaml.safe_load(path.read_text())["records"]))
+    angles = f"  {record}:\n    initial_angle: [0.1, 0.2]\n"
+    path.write_text(path.read_text().replace(f"  {record}:\n", angles))
+    done = invoke("check", path)
     assert done.exit_code == 2
-    assert "describes an identification" in done.output
-    assert "flexarm identify" in done.output
+    assert f"records.{record}.initial_angle must have one angle for each of the" in done.output
+    assert "study.yaml:" in done.output

@@ -42,7 +42,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("identify", "FreeParameter", "Identification"),
         *("identifiability", "Identifiability", "optimal_excitation", "OptimalExcitation"),
         *("multisine", "Multisine"),
-        *("frequency_response", "FrequencyResponse", "MeasuredModes"),
+        *("frequency_response", "FrequencyResponse", "measured_modes", "MeasuredModes"),
     ),
     "controllers": (
         *("Controller", "ControllerRequirements", "Measurement"),

@@ -58,6 +58,7 @@ IDENTIFICATION: dict[str, dict[str, Any]] = {
     "identify": {"arm": two_links, "records": measured, "free": FREE, "iterations": 1},
     "identifiability": {"arm": one_link, "records": shaken, "free": FREE},
     "frequency_response": {"records": shaken, "period": 0.5},
+    "measured_modes": {"records": shaken, "count": 1},
     "multisine": {"period": 0.5, "band": (2.0, 40.0), "peak": 0.1},
     "Multisine": {"period": 0.5, "harmonics": [1, 2], "coefficients": [[1.0], [0.5]]},
     "optimal_excitation": {

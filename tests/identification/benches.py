@@ -160,3 +160,28 @@ def record(
         noise = NOISE[channel] * random.standard_normal(data[channel].shape)
         data[channel] = data[channel] + noise
     return fa.MeasuredRecord(data, found.settings)
+
+
+def rough_record(bench: Bench, seed: int, **settings) -> fa.MeasuredRecord:
+    """Return a record with errors that the model of ``arm_of`` does not have.
+
+    The joints have Coulomb friction of 2 to 8 % of the torques: the motors give the torques that
+    move the arm of the record, and those of the friction in addition. The errors of the readings
+    are correlated over 20 to 100 ms, and three times as large as ``NOISE``.
+    """
+    from scipy.signal import lfilter
+
+    clean = record(bench.name, None, **settings)
+    random = np.random.default_rng(1000 + seed)
+    data = clean.data.copy(deep=True)
+    rate = np.gradient(data["joint_angle"].values, 1.0 / clean.rate, axis=0)
+    coulomb = random.uniform(0.02, 0.08) * np.array(bench.amplitude)
+    middle = 0.5 * (rate + np.roll(rate, -1, axis=0))  # of the sample in which the torque is held
+    slow = 0.02 * np.abs(rate).max(axis=0)
+    data["torque"] = data["torque"] + coulomb * np.tanh(middle / slow)
+    memory = np.exp(-1.0 / (clean.rate * random.uniform(0.02, 0.1)))
+    for label in clean.settings.outputs:
+        white = random.standard_normal((200 + clean.times.size, data[label].shape[1]))
+        noise = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], white, axis=0)[200:]
+        data[label] = data[label] + 3.0 * NOISE[label] * noise
+    return fa.MeasuredRecord(data, clean.settings)

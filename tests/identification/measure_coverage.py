@@ -5,6 +5,9 @@ For every bench and every seed of the noise, the arm starts with parameters that
 and for all of them, and the time of a fit. A second fit of each seed also frees parameters that the
 record cannot determine; the script counts the seeds in which exactly these are reported.
 
+With ``--rough`` the joints have friction that the model lacks, and the errors of the readings are
+correlated over time.
+
 With ``--first-order`` it does not fit: one Gauss-Newton step from the true values gives the
 estimates of every seed, and the bias without noise, in seconds.
 """
@@ -35,6 +38,7 @@ from identification.benches import (
     believed,
     names_unclear,
     record,
+    rough_record,
     truth,
 )  # fmt: skip
 
@@ -42,7 +46,7 @@ from identification.benches import (
 END, SHORT = 3.0, 1.5
 
 
-def main(seeds: range, names: list[str], elements: int | None) -> None:
+def main(seeds: range, names: list[str], elements: int | None, rough: bool = False) -> None:
     """Print the coverage for each bench."""
     for bench in (ONE, TWO, THREE):
         if names and bench.name not in names:
@@ -50,13 +54,16 @@ def main(seeds: range, names: list[str], elements: int | None) -> None:
         free, scores, seconds, determined, named = FREE[bench.name], [], [], 0, 0
         for seed in seeds:
             arm = believed(bench, seed, elements)
-            measured = record(bench.name, seed, end=END)
+            measured = (rough_record if rough else record)(
+                bench if rough else bench.name, seed, end=END
+            )
             started = time.perf_counter()
             options = OPTIONS.get(bench.name, {})
             found = fa.identify(arm, measured, free, progress=False, **options)
             seconds.append(time.perf_counter() - started)
             determined += not found.undetermined
-            named += names_unclear(found.arm, bench, record(bench.name, seed, end=SHORT))
+            if not rough:
+                named += names_unclear(found.arm, bench, record(bench.name, seed, end=SHORT))
             deviations = found.parameters["standard_deviation"].values
             estimates = np.array([found[path] for path in free])
             scores.append((estimates - [truth(bench, path) for path in free]) / deviations)
@@ -114,6 +121,10 @@ if __name__ == "__main__":
     parser.add_argument("--elements", type=int, help="of each link; by default MESH")
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--first-order", action="store_true", help="do not fit")
+    parser.add_argument("--rough", action="store_true", help="friction and coloured errors")
     given = parser.parse_args()
     chosen = range(given.first, given.first + given.seeds)
-    (first_order if given.first_order else main)(chosen, given.benches, given.elements)
+    if given.first_order:
+        first_order(chosen, given.benches, given.elements)
+    else:
+        main(chosen, given.benches, given.elements, given.rough)

@@ -211,6 +211,7 @@ def test_voltages_drive_the_arm_through_its_winding():
         fa.identify(fa.Arm(true.spec.replace(joints=[fa.Joint()])), bench, ["payload.mass"])
 
 
+@pytest.mark.filterwarnings("ignore:The residuals show")  # the mesh: 0.8 % of the strain
 def test_prescribed_joints_follow_their_measured_angles():
     free = [RIGIDITY, "payload.mass"]
     settings = {"prescribed": [1], "outputs": ("joint_angle", "strain"), "prescribed_cutoff": 40.0}
@@ -260,6 +261,7 @@ def test_the_torque_of_a_closed_loop_is_a_zero_order_hold(closed_loop, suffix, t
     assert found[RIGIDITY] == pytest.approx(8.0, rel=1e-5)  # without noise
 
 
+@pytest.mark.filterwarnings("ignore:The residuals show")
 def test_steps_of_the_torque_between_samples_are_warned_of(closed_loop):
     with pytest.warns(fa.AccuracyWarning, match="lower than that of its controller, 100 Hz"):
         fa.identify(

@@ -325,15 +325,88 @@ def test_times_of_iso_8601(tmp_path):
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
-def test_other_encodings_are_named_and_read(encoding, tmp_path):
-    path = tmp_path / "bench.csv"
-    path.write_text("# gemessen in Köln\nt,joint_angle_1\n" + rows(TIMES, sine(TIMES)), encoding)
-    with pytest.raises(fa.InputError, match=rf"not a text in utf-8\. Try encoding='{encoding}'"):
-        fa.read_record(path)
-    record = fa.read_record(path, encoding=encoding)
-    np.testing.assert_allclose(record.data["joint_angle"][:, 0], sine(TIMES), rtol=1e-12)
+@pytest.mark.parametrize("suffix", ["csv", "dat", "txt"])
+def test_other_encodings_and_suffixes_are_read(encoding, suffix, tmp_path):
+    path = tmp_path / f"bench.{suffix}"
+    path.write_text("# Köln\nt,joint_angle_1 [°]\n" + rows(TIMES, ANGLE), encoding)
+    for named in ({}, {"encoding": encoding}):
+        record = fa.read_record(path, **named)
+        np.testing.assert_allclose(record.data["joint_angle"][:, 0], np.deg2rad(ANGLE), rtol=1e-12)
     with pytest.raises(fa.InputError, match="encoding must be the name of an encoding"):
         fa.read_record(path, encoding="latin-17")
+    if encoding == "utf-16":
+        with pytest.raises(fa.InputError, match=r"not a text in ascii\. Try encoding='latin-1'"):
+            fa.read_record(path, encoding="ascii")
+
+
+def test_signs_of_units_are_read(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("t,M [N·m],e [µm/m]\n" + "\n".join(f"{t},2.0,{t}" for t in TIMES))
+    record = fa.read_record(path, {"torque_1": "M", "strain_1": "e"})
+    np.testing.assert_allclose(record.data["torque"], 2.0)
+    np.testing.assert_allclose(record.data["strain"][:, 0], 1e-6 * TIMES, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Bench 7, Mai\nSampling 100 Hz\n\nt,joint_angle_1\ns,deg\n",
+        "Operator: A. B.\n1 channel\nt,joint_angle_1 (deg)\n",
+        "2026-01-31 10:00, run 3\nt,joint_angle_1 [deg]\n",
+    ],
+)
+def test_the_header_follows_lines_of_text(head, tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text(head + rows(TIMES, ANGLE))
+    found = fa.read_record(path).data["joint_angle"][:, 0]
+    np.testing.assert_allclose(found, np.deg2rad(ANGLE), rtol=1e-12)
+
+
+def test_degrees_and_microstrain_without_a_unit_are_noticed(tmp_path):
+    path = tmp_path / "bench.csv"
+    columns = {"t": TIMES, "joint_angle_1": 40.0 * sine(TIMES), "strain_1": 90.0 * sine(TIMES)}
+    pd.DataFrame(columns).to_csv(path, index=False)
+    with pytest.raises(fa.InputError) as error:
+        fa.read_record(path)
+    for text in ("joint_angle_1 has no unit", "such as 'deg', or 'rad'", "such as 'um/m', or '1'"):
+        assert text in str(error.value)
+    given = {"joint_angle_1": {"column": "joint_angle_1", "unit": "rad"}}
+    assert fa.read_record(path, given).data["joint_angle"].max() > 30.0
+
+
+def test_wrapped_encoders_are_unwrapped_with_a_notice(tmp_path):
+    path = tmp_path / "bench.csv"
+    angle = 9.0 * TIMES**2 + 2.0
+    wrapped = np.mod(angle + np.pi, 2.0 * np.pi) - np.pi
+    wrapped[30] = np.nan
+    pd.DataFrame({"t": TIMES, "joint_angle_1": wrapped}).to_csv(path, index=False)
+    with pytest.warns(fa.FlexarmWarning, match="joint_angle_1 jumps by a whole turn 1 times"):
+        found = fa.read_record(path, rate=150.0)
+    values = found.data["joint_angle"].values[:, 0]
+    good = np.isfinite(values)
+    # Of linear interpolation, a second derivative of 18 over steps of 10 ms.
+    np.testing.assert_allclose(values[good], (9.0 * found.times**2 + 2.0)[good], atol=3e-4)
+
+
+def test_wrong_stamps_outside_the_part_do_not_matter(tmp_path):
+    path = tmp_path / "bench.csv"
+    times = TIMES.copy()
+    times[:3], times[-2:] = -1e-3, (0.0, np.nan)
+    pd.DataFrame({"t": times, "tip_x": TIMES, "tip_y": TIMES}).to_csv(path, index=False)
+    with pytest.raises(fa.InputError, match="time"):
+        fa.read_record(path)
+    record = fa.read_record(path, start=0.1, end=0.3)
+    np.testing.assert_allclose(record.data["tip"][:, 0], TIMES[10:31], atol=1e-12)
+
+
+def test_a_late_stamp_leaves_no_gap_in_an_input(tmp_path):
+    path = tmp_path / "bench.csv"
+    times = np.delete(TIMES, [20, 21])
+    columns = {"t": times, "torque_1": 3.0 * times, "joint_angle_1": times}
+    pd.DataFrame(columns).to_csv(path, index=False)
+    record = fa.read_record(path)
+    np.testing.assert_allclose(record.data["torque"][:, 0], 3.0 * record.times, atol=1e-12)
+    assert np.isnan(record.data["joint_angle"]).sum() == 2
 
 
 @pytest.mark.parametrize("rate", [400.0, 3000.0])

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from flexarm.identification.result import (
+from flexarm.identification.space import in_words
+from flexarm.identification.statistics import (
     Column,
     covariance_of,
     cross_correlation,
@@ -12,7 +13,6 @@ from flexarm.identification.result import (
     undetermined,
     whiteness,
 )
-from flexarm.identification.space import in_words
 
 COUNT = 600
 ALL = np.ones(COUNT, dtype=bool)
@@ -111,16 +111,32 @@ def regression(noise):
     return estimate, np.sqrt(np.diag(covariance_of([column], np.zeros(2))))
 
 
-@pytest.mark.sampled("white-0.85-1.15")
-@pytest.mark.parametrize(("source", "low", "high"), [(white, 0.85, 1.15), (coloured, 0.8, 1.2)])
+@pytest.mark.sampled("white-0.95-1.35")
+@pytest.mark.parametrize(("source", "low", "high"), [(white, 0.95, 1.35), (coloured, 0.9, 1.4)])
 def test_stated_deviations_are_those_of_many_repetitions(source, low, high):
     found = [regression(source(seed)) for seed in range(200)]
     errors = np.array([one[0] for one in found])
     stated = np.array([one[1] for one in found])
     ratio = np.sqrt(np.mean(stated**2, axis=0)) / errors.std(axis=0)
-    # The deviation of 200 repetitions is known to 5 %. That of correlated residuals is estimated
-    # too low, because the fit removes their slowest part.
+    # The deviation of 200 repetitions is known to 5 %. The larger one of two deviations is stated,
+    # of which that of eight blocks is known to 27 %: the mean square is some 1.2^2.
     assert np.all((ratio > low) & (ratio < high)), ratio
+
+
+def test_blocks_increase_the_deviation_where_parts_of_a_record_disagree():
+    """Errors of the model that differ from part to part are not noise of a short correlation."""
+    times = np.arange(COUNT) / COUNT
+    slope = np.sin(60.0 * times)
+    error = np.sign(np.sin(2.5 * np.pi * times)) * slope  # a gain that changes slowly
+    residuals = white(1) * 0.1 + error - slope * (slope @ error) / (slope @ slope)
+    residuals /= residuals.std()
+    column = Column(residuals, -slope[:, None], ALL)
+    alone = 1.0 / np.linalg.norm(slope)
+    stated = float(np.sqrt(covariance_of([column], np.zeros(1))[0, 0]))
+    blocks = [residuals[k : k + 75] @ slope[k : k + 75] for k in range(0, COUNT, 75)]
+    expected = np.sqrt(np.sum(np.square(blocks)) * 8 / 7) / (slope @ slope)  # sum of eight scores
+    assert stated > 2.0 * alone
+    assert stated == pytest.approx(expected, rel=0.25)  # the step without a block is larger
 
 
 def test_derivatives_of_rounding_have_no_zero_deviation():
@@ -157,16 +173,17 @@ def test_undetermined_combinations_are_found_behind_initial_states():
     rows[:, 2] = 0.0  # has no effect
     rows[:, 3] += rows[:, 4]
     columns = [Column(white(2), 10.0 * rows, ALL)]
-    physical = np.array([True, True, True, True, False])
-    found = undetermined(columns, np.zeros(5), np.ones(5), physical)
-    assert sorted(sorted(places) for places, _ in found) == [[0, 1], [2]]
+
+    def lost(columns, priors):
+        covariance = covariance_of(columns, priors)[:4, :4]
+        return sorted(sorted(places) for places, _ in undetermined(covariance, np.ones(4)))
+
+    assert lost(columns, np.zeros(5)) == [[0, 1], [2]]
     # Without information about an initial state, what acts in the same way is not determined.
     rows[:, 3] = rows[:, 4]
     columns = [Column(white(2), 10.0 * rows, ALL)]
-    found = undetermined(columns, np.zeros(5), np.ones(5), physical)
-    assert sorted(sorted(places) for places, _ in found) == [[0, 1], [2], [3]]
-    known = np.array([0.0, 0.0, 0.0, 0.0, 1e12])
-    assert len(undetermined(columns, known, np.ones(5), physical)) == 2
+    assert lost(columns, np.zeros(5)) == [[0, 1], [2], [3]]
+    assert lost(columns, np.array([0.0, 0.0, 0.0, 0.0, 1e12])) == [[0, 1], [2]]
 
 
 @pytest.mark.parametrize(
@@ -198,7 +215,7 @@ def test_what_is_not_determined_has_the_deviation_of_the_table():
     # One deviation is scaled to 0.6, the other one to 0.4: white residuals would give less.
     columns = [Column(residuals, rows * deviations / [0.6, 0.4], ALL)]
     covariance = covariance_of(columns, np.zeros(2))
-    ((places, deviation),) = undetermined(columns, np.zeros(2), np.ones(2), np.ones(2, dtype=bool))
+    ((places, deviation),) = undetermined(covariance, np.ones(2))
     assert places == [0]
     assert deviation == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-9)
     white_only = 1.0 / np.linalg.norm(columns[0].derivatives[:, 0])

@@ -36,6 +36,19 @@ def test_a_record_in_milliseconds_warns_before_the_fit():
     assert text.endswith("are these in milliseconds?")
 
 
+def test_a_file_in_milliseconds_without_a_unit_stops_before_the_fit(tmp_path):
+    link = fa.Link(length=1.0, flexural_rigidity=50.0, mass_per_length=0.5, elements=2, modes=2)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05)])
+    times = np.arange(0, 3000)
+    lines = [f"{t},{np.sin(0.02 * t)},0.0" for t in times]
+    path = tmp_path / "bench.csv"
+    path.write_text("t,torque_1,joint_angle_1\n" + "\n".join(lines))
+    free, method = ["links[0].flexural_rigidity"], {"integrator": "dormand_prince_8"}
+    with pytest.raises(fa.InputError, match='Give time_unit="ms", or "s" if they are right'):
+        fa.identify(arm, fa.read_record(path), free, progress=False, **method)
+    assert "assumed" not in fa.read_record(path, time_unit="ms").data["time"].attrs
+
+
 @pytest.mark.thorough
 def test_estimates_in_another_unit_warn():
     """Times in milliseconds that the default method simulates at once: an inertia is 1e6 times."""

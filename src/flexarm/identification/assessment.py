@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,6 +15,7 @@ from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, SimulationError, public_call
 from flexarm.base.notebook import html_table
 from flexarm.identification.fitting import Fit, FitFailure, FitProblem
+from flexarm.identification.missing import missing_effects
 from flexarm.identification.record import (
     MEASURED,
     MeasuredRecord,
@@ -22,19 +23,18 @@ from flexarm.identification.record import (
     check_inputs,
     check_some_records,
 )
-from flexarm.identification.result import (
+from flexarm.identification.result import aligned, number_of
+from flexarm.identification.runs import RecordRun
+from flexarm.identification.space import Slot, Space, check_free, in_words
+from flexarm.identification.statistics import (
     Column,
-    aligned,
     covariance_of,
     fit_percent,
     independence,
-    number_of,
     own_information,
     undetermined,
     whiteness,
 )
-from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Slot, Space, check_free, in_words
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
@@ -42,6 +42,15 @@ from flexarm.model.identification import FreeParameter
 
 #: Distance from a bound at which an estimate counts as being at it, as a fraction of its scale.
 _AT_BOUND = 1e-4
+#: Increase of RMS up to which another arm fits equally well, the relative change of a parameter by
+#: which an arm is another one, and the most parameters that are named.
+_EQUAL, _OTHER, _MOST = 0.02, 0.2, 3
+#: Fit (%) from which a channel is perfect.
+_PERFECT = 99.9
+#: Largest relative change of a parameter at a further start.
+_FAR = 0.7
+#: Half the width of a 95 % interval, in standard deviations.
+_HALF = 1.96
 _MEASURES = {
     "fit": ("%", "fit, 100 is perfect"),
     "rms": ("", "RMS of the residuals, SI units"),
@@ -50,23 +59,39 @@ _MEASURES = {
 }
 
 
-def parameters_of(problem: FitProblem, fit: Fit) -> tuple[xr.Dataset, xr.Dataset, list[str]]:
-    """Return datasets of parameters and of initial states, and sentences on undetermined ones."""
-    slots, scale = problem.space.slots, problem.space.scale
+class Assessment(NamedTuple):
+    """Estimates of a fit, and sentences about them."""
+
+    parameters: xr.Dataset
+    initial: xr.Dataset
+    undetermined: tuple[str, ...]
+    missing: tuple[str, ...]  # effects that the model lacks
+
+
+def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
+    """Return the assessment of a fit, with tests of ``effects`` that the model lacks."""
+    slots, size = problem.space.slots, np.abs(fit.vector)
     columns, priors, physical = _information_of(problem, fit)
-    covariance = covariance_of(columns, priors)
-    lost = undetermined(columns, priors, scale, physical)
-    alone = [(slots[places[0]], deviation) for places, deviation in lost if len(places) == 1]
-    without = [_sentence_of_each(alone)] if alone else []
-    without += [
-        _sentence([slots[k] for k in places], deviation)
-        for places, deviation in lost
-        if len(places) > 1
-    ]
-    tables = [
-        _table(problem, fit, covariance, np.flatnonzero(chosen)) for chosen in (physical, ~physical)
-    ]
-    return tables[0], tables[1], without
+    # Residuals of a search that goes on, or below the accuracy of the runs, show nothing.
+    rough = fit.converged and min(fits_by_channel(problem.runs, fit.outputs).values()) < _PERFECT
+    missing = missing_effects(problem, fit, columns) if effects and rough else []
+    shifts = [effect.shift for effect in missing]
+    covariance = covariance_of(columns, priors, shifts)
+    # An estimate of zero has no size.
+    size = np.where(size > _AT_BOUND * problem.space.scale, size, problem.space.scale)
+    without = covariance_of(columns, np.where(physical, 0.0, priors), shifts)
+    own = np.ix_(physical, physical)
+    lost = undetermined(without[own], size[physical])
+    named = [([slots[k] for k in np.flatnonzero(physical)[places]], d) for places, d in lost]
+    alone = [(places[0], deviation) for places, deviation in named if len(places) == 1]
+    sentences = [_sentence_of_each(alone)] if alone else []
+    sentences += [_sentence(places, d) for places, d in named if len(places) > 1]
+    return Assessment(
+        _table(problem, fit, covariance, np.flatnonzero(physical)),
+        _table(problem, fit, covariance, np.flatnonzero(~physical)),
+        tuple(sentences),
+        tuple(effect.sentence for effect in missing),
+    )
 
 
 def _information_of(
@@ -88,7 +113,7 @@ def _information_of(
             own = np.zeros((run.times.size, fit.vector.size))
             own[:, places] = slopes[:, c]
             residuals = whitened[:, c]
-            columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None], good))
+            columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None], good, k))
     slots = problem.space.slots
     priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
     return columns, priors, np.array([not slot.initial for slot in slots])
@@ -103,9 +128,12 @@ def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.nda
     values = fit.vector[places]
     lower, upper = (bound[places] for bound in problem.space.bounds)
     near = _AT_BOUND * problem.space.scale[places]
+    ends = [np.clip(values + sign * _HALF * deviation, lower, upper) for sign in (-1.0, 1.0)]
     columns = {
         "estimate": values,
         "standard_deviation": deviation,
+        "interval_start": ends[0],
+        "interval_end": ends[1],
         "start": np.array([slot.start for slot in slots]),
         "lower": lower,
         "upper": upper,
@@ -115,6 +143,46 @@ def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.nda
     correlation = xr.DataArray(related, dims=("parameter", "other"))
     table = xr.Dataset({name: ("parameter", column) for name, column in columns.items()})
     return table.assign(correlation=correlation).assign_coords(parameter=names, other=names)
+
+
+def weakest_direction(problem: FitProblem, parameters: xr.Dataset) -> FloatArray:
+    """Return a large change (parameters,) in the direction that the data determine least."""
+    physical = [k for k, slot in enumerate(problem.space.slots) if not slot.initial]
+    deviation, size = (parameters[key].values for key in ("standard_deviation", "estimate"))
+    size = np.where(size == 0.0, problem.space.scale[physical], np.abs(size))
+    share = np.where(np.isfinite(deviation), deviation / size, 0.0)
+    _, vectors = np.linalg.eigh(parameters["correlation"].values * np.outer(share, share))
+    direction = np.zeros(problem.space.scale.size)
+    direction[physical] = _FAR * size * vectors[:, -1] / np.abs(vectors[:, -1]).max()
+    return direction
+
+
+def alternatives_of(problem: FitProblem, best: Fit, fits: Sequence[Fit | None]) -> list[str]:
+    """Return sentences on other arms whose channels all fit almost as well as the best one."""
+    rms = problem.rms_of(best.outputs)
+    sentences = []
+    for fit in fits:
+        if fit is None or fit is best:
+            continue
+        own = problem.rms_of(fit.outputs)
+        worse = max(own[text] / value - 1.0 for text, value in rms.items())
+        changes = np.abs(fit.vector - best.vector) / np.maximum(np.abs(best.vector), 1e-300)
+        order = [k for k in np.argsort(-changes) if not problem.space.slots[k].initial]
+        named = [k for k in order if changes[k] > _OTHER][:_MOST]
+        if worse < _EQUAL and named:
+            values = _listed(
+                [
+                    f"{_words(problem.space.slots[k])} {fit.vector[k]:.3g} instead of "
+                    f"{best.vector[k]:.3g}"
+                    for k in named
+                ]
+            )
+            excess = 100.0 * max(worse, 0.0)
+            sentences.append(
+                f"Another arm fits almost equally well: {values}; no RMS is larger by more than "
+                f"{excess:.1g} %."
+            )
+    return sentences
 
 
 def _sentence_of_each(deviations: Sequence[tuple[Slot, float]]) -> str:
@@ -340,9 +408,9 @@ def predicted(
     outputs = [run.measured for run in runs]
     fit = Fit(space.start, 0.0, outputs, problem.noise, 0, True)
     try:
-        table, _, undetermined = parameters_of(problem, fit)
+        assessment = assessed(problem, fit, effects=False)
         columns, priors, physical = _information_of(problem, fit)
     except FitFailure as error:
         raise SimulationError(0.0, str(error)) from None
     information = own_information(columns, priors, space.scale, physical)
-    return Identifiability(table, tuple(undetermined), information)
+    return Identifiability(assessment.parameters, assessment.undetermined, information)

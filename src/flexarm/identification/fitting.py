@@ -48,6 +48,7 @@ class FitProblem:
     ) -> None:
         self.space, self.runs, self._watch = space, runs, watch
         self.noise: dict[str, float] = {}
+        self._signals: dict[str, float] = {}  # largest magnitudes
         self.fixed: set[str] = set(known)
         self.failure = ""
         self.evaluations = 0
@@ -57,6 +58,8 @@ class FitProblem:
             for k, label in enumerate(run.labels):
                 good = run.measured[run.valid[:, k], k]
                 deviation = float(np.std(good)) or 1.0
+                size = float(np.max(np.abs(good)))
+                self._signals[label.text] = max(size, self._signals.get(label.text, 0.0))
                 if label.channel in given:
                     self.noise[label.text] = given[label.channel]
                     self.fixed.add(label.text)
@@ -196,25 +199,25 @@ class FitProblem:
         return Fit(vector, cost, outputs, dict(self.noise), self.evaluations, converged)
 
     def noise_of(self, outputs: Sequence[FloatArray], robust: bool) -> dict[str, float]:
+        """Return the noise of each channel, its estimate or the fixed one."""
+        least = {text: max(_LEAST * size, 1e-300) for text, size in self._signals.items()}
+        return {
+            text: self.noise[text] if text in self.fixed else max(size, least[text])
+            for text, size in self.rms_of(outputs, robust).items()
+        }
+
+    def rms_of(self, outputs: Sequence[FloatArray], robust: bool = False) -> dict[str, float]:
         """Return the RMS of each channel's residuals, or ``robust`` 1.4826 times their median."""
         residuals: dict[str, list[FloatArray]] = {}
-        signals: dict[str, float] = {}
         for run, simulated in zip(self.runs, outputs, strict=True):
             for k, label in enumerate(run.labels):
-                good = run.valid[:, k]
-                own = (run.measured - simulated)[good, k]
+                own = (run.measured - simulated)[run.valid[:, k], k]
                 residuals.setdefault(label.text, []).append(own)
-                size = float(np.max(np.abs(run.measured[good, k])))
-                signals[label.text] = max(size, signals.get(label.text, 0.0))
-        noise = {}
-        for text, parts in residuals.items():
-            if text in self.fixed:
-                noise[text] = self.noise[text]
-                continue
-            every = np.concatenate(parts)
-            size = 1.4826 * np.median(np.abs(every)) if robust else np.sqrt(np.mean(every**2))
-            noise[text] = max(float(size), _LEAST * signals[text], 1e-300)
-        return noise
+        every = {text: np.concatenate(parts) for text, parts in residuals.items()}
+        return {
+            text: float(1.4826 * np.median(np.abs(e)) if robust else np.sqrt(np.mean(e**2)))
+            for text, e in every.items()
+        }
 
 
 class FitFailure(Exception):
@@ -248,15 +251,16 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
         raise FitFailure(problem.failure)
     # A beginning costs less, and vibrations that are only a little too fast or too slow are still
     # in phase there, so that it has fewer wrong minima.
-    early = problem.beginning()
+    early, left = problem.beginning(), iterations
     if early is not None:
-        first, _, _ = _minimum(early, scaled, loss, iterations, _COARSE)
+        first, _, used = _minimum(early, scaled, loss, max(1, left // 2), _COARSE)
+        left = max(1, left - used)
         first_outputs = problem.outputs(problem.vector(first))
         if first_outputs is not None:
             scaled = first
             outputs, _ = problem.tune(problem.vector(first), first_outputs, robust)
     free = problem.noise.keys() - problem.fixed
-    converged, change, left = True, 0.0, iterations
+    converged, change = True, 0.0
     for attempt in range(_ROUNDS):
         precision = _COARSE if free and attempt == 0 else _FINE
         scaled, converged, used = _minimum(problem, scaled, loss, left, precision)
@@ -307,6 +311,32 @@ def _minimum(
             raise
         return accepted[-1], False, iterations
     return solution.x, solution.status > 0, int(solution.nfev)
+
+
+def other_fits(
+    problem: FitProblem, best: Fit, direction: FloatArray, loss: str, iterations: int
+) -> list[Fit]:
+    """Return coarse fits that start on both sides of a fit, but full ones if they are better.
+
+    ``direction`` (parameters,) is the change of the parameters to one side.
+    """
+    fits = []
+    lower, upper = problem.space.bounds
+    for sign in (-1.0, 1.0):
+        problem.restore(best)
+        start = problem.scaled(np.clip(best.vector + sign * direction, lower, upper))
+        try:
+            scaled, converged, _ = _minimum(problem, start, loss, iterations, _COARSE)
+            vector = problem.vector(scaled)
+            outputs = problem.outputs(vector)
+            if outputs is None:
+                continue
+            fit = problem.fit(vector, outputs, converged)
+            better = fit.cost < best.cost - 1.0  # by more than the precision of both
+            fits.append(fit_from(problem, vector, loss, iterations) if better else fit)
+        except FitFailure:
+            continue
+    return fits
 
 
 def random_start(space: Space, random: np.random.Generator) -> FloatArray:
@@ -390,6 +420,7 @@ def _by_duals(
                     parameters=[initial_argument(paths[k]) or paths[k] for k in exact],
                     error_estimate=False,
                     progress=False,
+                    channels=run.channels,
                     **run.arguments(case),
                 )
         except InputError as error:

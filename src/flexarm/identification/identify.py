@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
@@ -28,10 +29,13 @@ from flexarm.base.errors import (
 from flexarm.cases.scenario.file_errors import problems_at
 from flexarm.identification import fitting
 from flexarm.identification.assessment import (
+    Assessment,
+    alternatives_of,
+    assessed,
     fits_by_channel,
     fits_of,
     histories_of,
-    parameters_of,
+    weakest_direction,
 )
 from flexarm.identification.prediction import PredictedRun, PredictionProblem
 from flexarm.identification.reading import record_of_file
@@ -42,13 +46,14 @@ from flexarm.identification.record import (
     check_records,
     check_some_records,
 )
-from flexarm.identification.result import Identification
+from flexarm.identification.result import Identification, related
 from flexarm.identification.runs import RecordRun, warn_of_work
 from flexarm.identification.space import Space, check_free
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Motors
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
+from flexarm.model.file_format.yaml_text import Document
 from flexarm.model.identification import FreeParameter, locate_identification
 from flexarm.model.quantities import Count, Flag
 from flexarm.model.wording import path_of
@@ -81,7 +86,7 @@ def identify(
     *,
     validation: Records = (),
     motors: Motors | None = None,
-    starts: Count = 1,
+    starts: Count | None = None,
     seed: int = 0,
     loss: str = "linear",
     method: str = "output_error",
@@ -112,7 +117,9 @@ def identify(
             of parameters with ``per_record``, are estimated from themselves.
         motors: for records with currents as inputs: ``torque_constant`` is used.
         starts: number of starts, the first at the arm, the others at random within the bounds, or
-            around the values of the arm. The result is that with the largest likelihood.
+            around the values of the arm. The result is that with the largest likelihood. By default
+            one, and two more if estimates correlate by more than 0.8: on both sides of the result
+            in the direction that the data determine least.
         seed: of the random starts.
         loss: "linear", or a loss that is robust to outliers: "soft_l1", "huber" or "cauchy".
         method: "output_error" fits the simulated channels. "prediction_error" fits the predictions
@@ -122,9 +129,9 @@ def identify(
         torque_noise: of prediction errors, as in `ExtendedKalmanFilter`: standard deviation of a
             random torque error in each sample (N m), one for all joints or one for each. It is
             estimated by default; 0 gives output error.
-        iterations: most evaluations of the residuals of a fit from one start, over all rounds in
-            which the noise is estimated anew. Those of the beginnings of long records, which are
-            fitted first, are limited separately.
+        iterations: most evaluations of the residuals of a fit from one start: those of the
+            beginnings of long records, which are fitted first, and of all rounds in which the noise
+            is estimated anew.
         contacts: of all runs, as in ``simulate``. Prediction errors do not support them.
         integrator, step, rtol, atol, settings: of all runs, as in ``simulate``.
         progress: True prints the fit of each channel after each evaluation; None does so on a
@@ -132,10 +139,10 @@ def identify(
 
     Returns:
         Estimates with standard deviations and correlations, combinations that the data do not
-        determine, fit and tests of residuals, and the arm with the estimates. The standard
-        deviations include the correlation of residuals over time as far as it is short compared
-        with the record; with slower correlation they are too small. They do not include errors of
-        the inputs.
+        determine, fit and tests of residuals, and the arm with the estimates. A standard deviation
+        is the larger one of two: from the derivatives, with the correlation of residuals over time,
+        and from eight blocks of the records. It contains the change by effects that the residuals
+        show and the model lacks: friction, offsets, delays and gains.
 
     Raises:
         InputError: if a record does not fit the arm, or a path is not one of a number; all
@@ -143,12 +150,15 @@ def identify(
         SimulationError: if the arm cannot be simulated at any start.
 
     Warns:
-        IdentifiabilityWarning: if the data do not determine parameters or combinations of them.
+        IdentifiabilityWarning: if the data do not determine parameters or combinations of them, or
+            another arm fits almost equally well.
         ConvergenceWarning: if the fit has not converged.
-        FlexarmWarning: if the times of a record are probably not in seconds.
+        FlexarmWarning: if the times of a record are probably not in seconds; those of a file whose
+            unit is not stated raise `InputError`.
         AccuracyWarning: if the rate of a result of a closed loop is lower than that of its
-            controller, so that the estimates may be biased; if a channel has a fit below 5 %; or
-            if an estimate differs from its start by a factor of 1000.
+            controller, so that the estimates may be biased; if the residuals show an effect that
+            the model lacks; if a channel has a fit below 5 %; or if an estimate differs from its
+            start by a factor of 1000.
     """
     if motors is not None:
         arguments.check_kind("motors", motors, Motors)
@@ -185,9 +195,14 @@ def identify(
         _check_rates([*runs, *others])
     warn_of_work([*runs, *others], space)
     problem = _problem(space, runs, _watch(progress), {}, disturbed)
-    costs, best = _best(problem, starts, random, loss, iterations)
-    problem.restore(best)
-    table, initial, indistinct = parameters_of(problem, best)
+    tried = _fits(problem, 1 if starts is None else starts, random, loss, iterations)
+    best, assessment = _best(problem, tried)
+    doubtful = assessment.undetermined or related(assessment.parameters)
+    if starts is None and best.converged and doubtful:
+        direction = weakest_direction(problem, assessment.parameters)
+        tried += fitting.other_fits(problem, best, direction, loss, iterations)
+        if min(tried, key=_cost_of) is not best:
+            best, assessment = _best(problem, tried)
     shared = space.case(None, best.vector)
     estimated = Arm(shared.spec)
     predicted = [
@@ -198,24 +213,29 @@ def identify(
         arm=estimated,
         arms={name: Arm(space.case(k, best.vector).spec) for k, name in enumerate(fitted)},
         motors=shared.motors,
-        parameters=table,
-        initial=initial,
-        undetermined=tuple(indistinct),
+        parameters=assessment.parameters,
+        initial=assessment.initial,
+        undetermined=assessment.undetermined,
         fit=fit,
         validation=fits_of(others, predicted),
         histories={**histories_of(runs, best.outputs), **histories_of(others, predicted)},
         noise=best.noise,
         torque_noise=best.torque_noise,
-        starts=tuple(costs),
+        starts=tuple(np.nan if fit is None else fit.cost for fit in tried),
+        missing=assessment.missing,
+        alternatives=tuple(alternatives_of(problem, best, tried)),
         method=method,
         converged=best.converged,
     )
-    if indistinct:
-        warn_caller(" ".join(indistinct), IdentifiabilityWarning)
+    doubts = [*result.undetermined, *result.alternatives]
+    if doubts:
+        warn_caller(" ".join(doubts), IdentifiabilityWarning)
+    if result.missing:
+        warn_caller(" ".join(result.missing), AccuracyWarning)
     if not result.converged:
         warn_caller(result.remarks[0], ConvergenceWarning)
     _warn_of_poor_fits(fit, fitted)
-    _warn_of_far_estimates(table)
+    _warn_of_far_estimates(result.parameters)
     return result
 
 
@@ -303,26 +323,35 @@ def _check_currents(records: Mapping[str, MeasuredRecord], motors: Motors | None
             raise InputError(Problem("motors", rule))
 
 
-def _best(
+def _fits(
     problem: fitting.FitProblem, count: int, random: np.random.Generator, loss: str, iterations: int
-) -> tuple[list[float], fitting.Fit]:
-    """Return the costs of all starts, NaN for those that failed, and the best fit."""
-    costs: list[float] = []
-    best: fitting.Fit | None = None
+) -> list[fitting.Fit | None]:
+    """Return the fits of all starts, None for those that failed."""
+    fits: list[fitting.Fit | None] = []
     for k in range(count):
         start = problem.space.start if k == 0 else fitting.random_start(problem.space, random)
         try:
-            fit = fitting.fit_from(problem, start, loss, iterations)
+            fits.append(fitting.fit_from(problem, start, loss, iterations))
         except fitting.FitFailure as error:
             problem.failure = str(error)
-            costs.append(np.nan)
-            continue
-        costs.append(fit.cost)
-        if best is None or fit.cost < best.cost:
-            best = fit
-    if best is None:
+            fits.append(None)
+    if not any(fits):
         raise SimulationError(0.0, f"no start of the fit can be simulated. {problem.failure}")
-    return costs, best
+    return fits
+
+
+def _cost_of(fit: fitting.Fit | None) -> float:
+    return np.inf if fit is None else fit.cost
+
+
+def _best(
+    problem: fitting.FitProblem, fits: Sequence[fitting.Fit | None]
+) -> tuple[fitting.Fit, Assessment]:
+    """Return the fit with the largest likelihood, and its assessment."""
+    best = min(fits, key=_cost_of)
+    assert best is not None
+    problem.restore(best)
+    return best, assessed(problem, best)
 
 
 def _predicted(
@@ -365,12 +394,12 @@ def _watch(progress: bool | None) -> fitting.Watch | None:
 class PreparedIdentification:
     """Identification of a file, with its records read; errors are listed with their lines."""
 
-    def __init__(self, path: Path) -> None:
-        self.study, self._where = locate_identification(path)
+    def __init__(self, source: Path | Document, folder: Path) -> None:
+        self.study, self._where = locate_identification(source)
         self.arm = described_arm(self.study.arm)
-        self._folder = path.parent
-        self._records = self._read("records")
-        self._validation = self._read("validation")
+        self._folder = folder
+        self.records = self._read("records")
+        self.validation = self._read("validation")
 
     def _read(self, key: str) -> dict[str, MeasuredRecord]:
         measured = {}
@@ -379,19 +408,35 @@ class PreparedIdentification:
                 measured[name] = record_of_file(description, self._folder / description.file)
         return measured
 
+    def check(self) -> None:
+        """Raise if records do not fit the arm, with the errors of ``identify``."""
+        with self._errors():
+            every = {**self.records, **self.validation}
+            check_inputs(every)
+            _check_currents(every, self.study.motors)
+            space = Space(self.arm, self.study.motors, list(self.study.free), every)
+            runs = [RecordRun(name, record, self.arm, {}) for name, record in every.items()]
+            warn_of_work(runs, space)
+
     def run(self, progress: bool | None = None) -> Identification:
         """Estimate the parameters, with the errors of ``identify``."""
         study, fit = self.study, self.study.fit
-        try:
+        with self._errors():
             return identify(
                 self.arm,
-                self._records,
+                self.records,
                 list(study.free),
-                validation=self._validation,
+                validation=self.validation,
                 motors=study.motors,
                 progress=progress,
                 **dict(fit),
             )
+
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        """Raise errors of records with their lines."""
+        try:
+            yield
         except InputError as error:
             raise InputError(*map(self._in_file, error.problems)) from None
 

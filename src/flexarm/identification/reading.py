@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from io import StringIO
 from os import PathLike
 from pathlib import Path
@@ -27,11 +27,19 @@ from flexarm.identification import record
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
-from flexarm.model.identification import Column, RecordFile, RecordSettings
+from flexarm.model.identification import INPUTS, Column, RecordFile, RecordSettings
 from flexarm.model.scenarios.scenario import MOST_SAMPLES
 
-#: Interval, in typical ones, from which samples are missing.
-_GAP = 1.5
+#: Interval, in typical ones, from which samples are missing, and from which those of an input are:
+#: an input must not have gaps, and a late stamp moves it little.
+_GAP, _GAP_OF_INPUT = 1.5, 3.5
+#: Largest angle (two turns) and strain without a unit, their SI units, and other ones.
+_LARGEST = {"angle": 4.0 * np.pi, "strain": 0.1}
+_UNITS_OF = {"angle": ("rad", "deg"), "strain": ("1", "um/m")}
+#: Step of an angle (rad) from sample to sample, besides whole turns, that no joint makes.
+_TURN = 0.5 * np.pi
+#: Lines in which the header of a text file is looked for.
+_PREAMBLE = 100
 #: Rounding of times, in their intervals, that matters: a hundredth shifts a sample by as much.
 _COARSE = 0.01
 #: Names of the column of the time.
@@ -58,7 +66,7 @@ def read_record(
     hardware: Hardware | None = None,
     **settings: Any,
 ) -> record.MeasuredRecord:
-    """Read a record of measurements from a .csv, .mat, .nc or .parquet file.
+    """Read a record of measurements from a .csv, .txt, .dat, .mat, .nc or .parquet file.
 
     Args:
         path: of the file. MAT files may have version 5 or 7.3; Parquet requires the extra
@@ -73,22 +81,26 @@ def read_record(
         time_unit: "s", "ms" or "us"; by default that in brackets after the name, or s.
         rate: Hz; samples between those of the file are interpolated linearly. A lower rate than
             that of the file is preceded by a low-pass filter without phase shift.
-        start, end: part of the file to read, in its own time, s.
-        encoding, skip: of a .csv or .txt file: its encoding, and the number of lines before its
-            header. Lines that begin with # are comments. A line of units may follow the header.
+        start, end: part of the file to read, in its own time, s; wrong times outside do not matter.
+        encoding, skip: of a text file: its encoding, and the number of lines before its header. By
+            default UTF-16 and Latin-1 are recognised, and the header is the line of names before
+            the first row of numbers. Lines that begin with # are comments. A line of units may
+            follow the header.
         controller, reference, hardware, settings: as in ``MeasuredRecord``.
 
     Returns:
         A record that starts at time 0. Where the file has no samples for more than one and a half
-        intervals, the samples of the record are NaN.
+        intervals, the samples of the record are NaN; those of an input are interpolated over up to
+        three and a half intervals. Joint angles that jump by whole turns are unwrapped.
 
     Raises:
         InputError: if the file cannot be read, a column is missing, a unit does not fit, or the
-            times do not increase; all problems are listed.
+            times do not increase, or angles or strains without a unit are too large for SI units;
+            all problems are listed.
 
     Warns:
-        FlexarmWarning: if a column contains text, or the times are rounded so coarsely that equal
-            intervals replace them.
+        FlexarmWarning: if a column contains text, an angle is unwrapped, or the times are rounded
+            so coarsely that equal intervals replace them.
     """
     file = check_path("path", path)
     given: dict[str, Any] = {"time": time, "time_unit": time_unit, "sample_time": sample_time}
@@ -110,10 +122,14 @@ def record_of_file(
     table = _read_table(file, description.encoding, description.skip)
     names = {record.split_unit(header)[0]: header for header in table}
     columns = _columns(description, table, names)
-    times, columns = _uniform(description, _times(description, table, names), columns)
+    times, stated = _times(description, table, names)
+    _unwrap(columns)
+    times, columns = _uniform(description, times, columns)
     fields = {name: getattr(description, name) for name in RecordSettings.model_fields}
     chosen = RecordSettings(**fields)
     data = record.dataset_of(times, columns).assign_attrs(_attributes_of(file))
+    if not stated:
+        data["time"].attrs["assumed"] = 1
     return record.MeasuredRecord(
         data, chosen, controller=controller, reference=reference, hardware=hardware
     )
@@ -139,6 +155,8 @@ def _columns(
             unit = column.unit or record.split_unit(header)[1]
             si = record.MEASURED[label.channel].unit
             factor = record.factor_of(place, unit, si) if unit else 1.0
+            if not unit:
+                _check_size(place, label, column.gain * table[header] + column.offset)
         except InputError as error:
             problems += error.problems
             continue
@@ -150,6 +168,30 @@ def _columns(
     return columns
 
 
+def _check_size(place: str, label: record.Label, values: FloatArray) -> None:
+    """Raise if values without a unit are too large for one of SI."""
+    kind = "strain" if label.channel == "strain" else "angle" if "angle" in label.channel else ""
+    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    if kind and largest > _LARGEST[kind]:
+        si, other = _UNITS_OF[kind]
+        rule = f"has no unit, and its values reach {largest:.4g}, too many for {si!r}"
+        raise InputError(Problem(place, rule, hint=f"Give a unit, such as {other!r}, or {si!r}."))
+
+
+def _unwrap(columns: dict[record.Label, FloatArray]) -> None:
+    """Remove the jumps of a whole turn of joint angles, with a notice."""
+    for label, column in columns.items():
+        good = np.isfinite(column)
+        steps = np.abs(np.diff(column[good]))
+        jumps = np.abs(steps - 2.0 * np.pi) < _TURN
+        if label.channel != "joint_angle" or not jumps.any() or np.any(steps[~jumps] > _TURN):
+            continue
+        columns[label] = np.where(good, 0.0, np.nan)
+        columns[label][good] = np.unwrap(column[good])
+        text = f"{label.text} jumps by a whole turn {int(jumps.sum())} times; it is unwrapped."
+        warn_caller(text, FlexarmWarning)
+
+
 def _header(place: str, name: str, table: _Table, names: Mapping[str, str]) -> str:
     if name in table:
         return name
@@ -159,18 +201,24 @@ def _header(place: str, name: str, table: _Table, names: Mapping[str, str]) -> s
     raise InputError(Problem(place, f"names the column {name!r}, which is missing", hint=hint))
 
 
-def _times(description: RecordFile, table: _Table, names: Mapping[str, str]) -> FloatArray:
-    """Return the times (samples,) of the file, s."""
+def _times(
+    description: RecordFile, table: _Table, names: Mapping[str, str]
+) -> tuple[FloatArray, bool]:
+    """Return the times (samples,) of the file, s, and whether their unit is stated."""
     if description.sample_time is not None:
         length = max(column.size for column in table.values())
-        return description.sample_time * np.arange(length, dtype=np.float64)
+        return description.sample_time * np.arange(length, dtype=np.float64), True
     name = description.time or next((name for name in _TIMES if name in names), None)
     if name is None:
         hint = f"Columns: {', '.join(list(table)[:20])}."
         raise InputError(Problem("time", "or sample_time is required", hint=hint))
     header = _header("time", name, table, names)
     unit = description.time_unit or record.split_unit(header)[1]
-    times = table[header] * (record.factor_of("time", unit, "s") if unit else 1.0)
+    return table[header] * (record.factor_of("time", unit, "s") if unit else 1.0), bool(unit)
+
+
+def _increasing(times: FloatArray) -> FloatArray:
+    """Return times without their rounding; InputError if they do not increase."""
     missing = np.flatnonzero(~np.isfinite(times))
     if missing.size:
         hint = "Omit lines before the header with skip, and lines of text after the samples."
@@ -218,10 +266,16 @@ def _uniform(
             raise InputError(Problem(f"channels.{label.text}", rule, str(column.size)))
     first = -np.inf if description.start is None else description.start
     last = np.inf if description.end is None else description.end
-    margin = 1e-9 * float(np.ptp(times))  # of rounded times
-    inside = (times >= first - margin) & (times <= last + margin)
-    times = times[inside]
-    if times.size < record.FEWEST:
+    finite = times[np.isfinite(times)]
+    margin = 1e-9 * float(np.ptp(finite)) if finite.size else 0.0  # of rounded times
+    # Stamps before the start and after the end may be wrong.
+    after = times >= first - margin
+    begin = int(np.argmax(after)) if description.start is not None and after.any() else 0
+    late = np.flatnonzero(times[begin:] > last + margin)
+    end = begin + int(late[0]) if late.size else times.size
+    inside = slice(begin, end)
+    times = _increasing(times[inside])
+    if times.size < record.FEWEST or (begin == 0 and not after[inside].all()):
         rule = f"has fewer than {record.FEWEST} samples between start and end"
         raise InputError(Problem("the record", rule))
     typical = float(np.median(np.diff(times)))
@@ -243,7 +297,8 @@ def _uniform(
             rate_of_record = (times.size - 1) / (times[-1] - times[0])
             smooth = record.without_phase(filled, _ANTI_ALIAS * rate, rate_of_record, 4)
             values = np.where(good, np.interp(times, uniform, smooth), np.nan)
-        resampled[label] = _interpolated(grid, times, values, typical)
+        gap = _GAP_OF_INPUT if label.channel in INPUTS else _GAP
+        resampled[label] = _interpolated(grid, times, values, typical, gap)
     return grid - times[0], resampled
 
 
@@ -256,9 +311,9 @@ def _rounded(rate: float) -> float:
 
 
 def _interpolated(
-    grid: FloatArray, times: FloatArray, values: FloatArray, typical: float
+    grid: FloatArray, times: FloatArray, values: FloatArray, typical: float, gap: float
 ) -> FloatArray:
-    """Interpolate linearly between samples; NaN in gaps."""
+    """Interpolate linearly between samples; NaN in gaps of more than ``gap`` intervals."""
     good = np.isfinite(values)
     known = times[good]
     if known.size < 2:
@@ -267,7 +322,7 @@ def _interpolated(
     result = np.interp(grid, known, values[good])
     result[(grid < ends[0]) | (grid > ends[1])] = np.nan
     after = np.clip(np.searchsorted(known, grid - 1e-9 * typical), 1, known.size - 1)
-    wide = known[after] - known[after - 1] > _GAP * typical
+    wide = known[after] - known[after - 1] > gap * typical
     near = np.minimum(np.abs(grid - known[after]), np.abs(grid - known[after - 1]))
     result[wide & (near > 1e-6 * typical)] = np.nan
     return result
@@ -314,15 +369,12 @@ def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
     if not lines:
         rule = f"{path.name!r} has no lines" + (f" after the first {skip}" if skip else "")
         raise InputError(Problem("path", rule))
-    mark = next((mark for mark in ";\t," if mark in lines[0]), None)
-    decimal = "," if mark != "," and "," in "".join(lines[1:]) else "."
+    first = 0 if skip else _header_line(lines)
+    lines = lines[first:]
+    mark, decimal = _separators(lines)
     cells = [[cell.strip() for cell in line.split(mark)] for line in lines[:3]]
     units: list[str] = []
-    numeric = [
-        any(record.is_number(cell.strip('"').replace(decimal, ".")) for cell in row)
-        for row in cells
-    ]
-    if numeric == [False, False, True]:
+    if [_has_number(line, mark, decimal) for line in lines[:3]] == [False, False, True]:
         units = [cell.strip('"[]() ') for cell in cells[1]]
         del lines[1]
     frame = pd.read_csv(
@@ -340,18 +392,47 @@ def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
     return _of_frame(frame)
 
 
+def _separators(lines: Sequence[str]) -> tuple[str | None, str]:
+    """Return the mark between cells, None for spaces, and the decimal mark."""
+    mark = next((mark for mark in ";\t," if mark in lines[0]), None)
+    return mark, "," if mark != "," and "," in "".join(lines[1:]) else "."
+
+
+def _has_number(line: str, mark: str | None, decimal: str) -> bool:
+    cells = (cell.strip().strip('"').replace(decimal, ".") for cell in line.split(mark))
+    return any(map(record.is_number, cells))
+
+
+def _header_line(lines: Sequence[str]) -> int:
+    """Return the index of the header: the line of names before the first row of numbers."""
+    for k, line in enumerate(lines[:_PREAMBLE]):
+        mark, decimal = _separators(lines[k:])
+        width = len(line.split(mark))
+        below = lines[k + 1 : k + 3]
+        rows = [len(row.split(mark)) == width and _has_number(row, mark, decimal) for row in below]
+        cells = [cell.strip(' "[]()') for cell in below[0].split(mark)] if below else []
+        units = rows == [False, True] and any(map(record.is_unit, cells))
+        if not _has_number(line, mark, decimal) and (rows[:1] == [True] or units):
+            return k
+    return 0
+
+
 def _text_of(path: Path, encoding: str) -> str:
-    """Return the text of a file in an encoding."""
+    """Return the text of a file in an encoding; UTF-16 and Latin-1 are recognised."""
+    if encoding.lower() in ("utf-8", "utf8"):
+        with path.open("rb") as file:
+            marked = file.read(2) in (b"\xff\xfe", b"\xfe\xff")
+        encoding = "utf-16" if marked else "utf-8-sig"
     try:
-        return path.read_text("utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding)
+        return path.read_text(encoding)
     except LookupError:
         rule, hint = "be the name of an encoding", "Common ones are utf-8, latin-1 and utf-16."
         raise InputError(Problem("encoding", rule, repr(encoding), hint)) from None
     except UnicodeError:
-        with path.open("rb") as file:
-            other = "utf-16" if file.read(2) in (b"\xff\xfe", b"\xfe\xff") else "latin-1"
-        rule, hint = f"{path.name!r} is not a text in {encoding}", f"Try encoding={other!r}."
-        raise InputError(Problem("path", rule, hint=hint)) from None
+        if encoding != "utf-8-sig":
+            rule = f"{path.name!r} is not a text in {encoding}"
+            raise InputError(Problem("path", rule, hint="Try encoding='latin-1'.")) from None
+        return path.read_text("latin-1")
 
 
 def _parquet(path: Path) -> _Table:
@@ -484,6 +565,7 @@ def _flat(items: Iterator[tuple[str, Any]]) -> _Table:
 _READERS: dict[str, Callable[[Path], _Table]] = {
     ".csv": _csv,
     ".txt": _csv,
+    ".dat": _csv,
     ".mat": _mat,
     ".nc": _netcdf,
     ".parquet": _parquet,

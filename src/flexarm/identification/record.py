@@ -23,7 +23,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
 from flexarm.model.checks import checked_arguments
 from flexarm.model.hardware import CHANNEL_SIGNALS
-from flexarm.model.identification import UNITS, Filter, RecordSettings
+from flexarm.model.identification import INPUTS, UNITS, Filter, RecordSettings
 from flexarm.simulation.histories.piecewise import INTERPOLATIONS
 from flexarm.simulation.run.channels import CHANNELS, Channel
 
@@ -34,6 +34,8 @@ VOLTAGE = Channel("voltage", ("joint",), "V", "voltage of the joint motors")
 MEASURED: dict[str, Channel] = {
     name: CHANNELS[name] for name in CHANNEL_SIGNALS if "contact" not in CHANNELS[name].dims
 } | {"current": CURRENT, "voltage": VOLTAGE}
+#: Signs in units, and what replaces them.
+_SIGNS = str.maketrans({"°": "deg", "·": " ", "⋅": " ", "µ": "u", "μ": "u"})
 _UNIT = re.compile(r"^(.*?)(\s*)[\[(]([^\])]*)[\])]$")
 
 
@@ -93,9 +95,14 @@ def is_number(text: str) -> bool:
     return True
 
 
+def is_unit(text: str) -> bool:
+    return any(text.translate(_SIGNS) in known for known in UNITS.values())
+
+
 def factor_of(name: str, unit: str, si: str) -> float:
     """Return the factor from a unit to the SI unit of a channel; InputError if it is not one."""
     known = UNITS[si]
+    unit = unit.translate(_SIGNS)
     if unit not in known:
         rule = f"be a unit of its channel ({', '.join(known)})"
         raise InputError(Problem(name, rule, shown(unit)))
@@ -330,8 +337,7 @@ class MeasuredRecord:
             return "none"
         if self.settings.input is not None:
             return self.settings.input
-        known = "torque", "current", "voltage"
-        return next((name for name in known if name in self.data), "none")
+        return next((name for name in INPUTS if name in self.data), "none")
 
     @property
     def driven(self) -> bool:
@@ -377,6 +383,30 @@ class MeasuredRecord:
         columns = columns_of(self.data, chosen)
         followed = {Label(name, j) for name in _FOLLOWED for j in self.settings.prescribed}
         return {label: column for label, column in columns.items() if label not in followed}
+
+    def treated(
+        self, input_delay: bool = False
+    ) -> tuple[list[Path], FloatArray, NDArray[np.bool_]]:
+        """Return paths of the outputs, their values (samples, outputs) after them, and validity.
+
+        With ``input_delay``, the delay of the input is that of the outputs.
+        """
+        outputs, delays = self.outputs, self.settings.delays
+        columns = np.stack(list(outputs.values()), axis=1)
+        valid, times = np.isfinite(columns), self.times - self.times[0]
+        more = delays.get(self.input, 0.0) if input_delay else 0.0
+        paths = [
+            Path(
+                times,
+                valid[:, k],
+                delays.get(label.channel, 0.0) + more,
+                self.settings.filters.get(label.channel, ()),
+            )
+            for k, label in enumerate(outputs)
+        ]
+        filled = np.where(valid, columns, 0.0)
+        measured = [path.measured(filled[:, k]) for k, path in enumerate(paths)]
+        return paths, np.stack(measured, axis=1), valid
 
     def _problems(self) -> list[Problem]:
         settings, present = self.settings, [name for name in MEASURED if name in self.data]

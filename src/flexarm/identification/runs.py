@@ -22,7 +22,6 @@ from flexarm.base.errors import (
 from flexarm.identification.record import (
     Label,
     MeasuredRecord,
-    Path,
     columns_of,
     place_of,
     without_phase,
@@ -55,39 +54,18 @@ class RecordRun:
         self, name: str, record: MeasuredRecord, arm: Arm, options: Mapping[str, Any]
     ) -> None:
         self.name, self.record, self._arm, self._options = name, record, arm, dict(options)
-        outputs = record.outputs
-        self.labels = list(outputs)
+        self.labels = list(record.outputs)
         self._check(arm)
-        times = record.times - record.times[0]
-        self.times = times
-        columns = np.stack(list(outputs.values()), axis=1)
-        self.valid = np.isfinite(columns)
-        settings = record.settings
-        self._paths = [
-            Path(
-                times,
-                self.valid[:, k],
-                settings.delays.get(label.channel, 0.0),
-                settings.filters.get(label.channel, ()),
-            )
-            for k, label in enumerate(self.labels)
-        ]
-        filled = np.where(self.valid, columns, 0.0)
-        self.measured = np.stack(
-            [path.measured(filled[:, k]) for k, path in enumerate(self._paths)], axis=1
-        )
+        self.times = times = record.times - record.times[0]
+        self._paths, self.measured, self.valid = record.treated()
         self._places = [place_of(arm, label) for label in self.labels]
         self.channels = list(dict.fromkeys(label.channel for label in self.labels))
-        joints, record = self._arm.joints, self.record
-        samples = np.zeros((self.times.size, joints))
+        #: Inputs (samples, joints), in their unit.
+        self.samples = np.zeros((times.size, arm.joints))
         for label, column in record.inputs.items():
-            samples[:, place_of(self._arm, label)] = column
-        settings = record.settings
-        history = sampled_torque(
-            samples, record.rate, record.duration, joints, record.interpolation
-        )
-        delay = settings.delays.get(record.input, 0.0)
-        self._drive = delayed(history, delay) if delay else history
+            self.samples[:, place_of(arm, label)] = column
+        self.joint_numbers = arm.joint_numbers.tolist()
+        self._drive = self._history(self.samples)
         self._prescribed = self._prescribed_joints()
         self._angles, self._held = start_angles(arm, record), leading_joints(arm, record)
 
@@ -123,10 +101,9 @@ class RecordRun:
         return self.record.controller is None
 
     def arguments(self, case: Case) -> dict[str, Any]:
-        """Return the arguments of ``sensitivities``, besides the arm."""
+        """Return the arguments of ``simulate``, besides the arm."""
         record = self.record
-        common = {**self._options, "channels": self.channels, "rate": record.rate}
-        common["duration"] = record.duration
+        common = {**self._options, "rate": record.rate, "duration": record.duration}
         if record.controller is not None:
             loop = {name: getattr(record, name) for name in ("controller", "reference", "hardware")}
             return common | loop
@@ -144,6 +121,32 @@ class RecordRun:
             self.name, MeasuredRecord(data, record.settings), self._arm, self._options
         )
 
+    def _history(self, samples: FloatArray) -> PiecewiseCubic:
+        """Return inputs (samples, joints) over time, after their delay."""
+        record = self.record
+        history = sampled_torque(
+            samples, record.rate, record.duration, samples.shape[1], record.interpolation
+        )
+        delay = record.settings.delays.get(record.input, 0.0)
+        return delayed(history, delay) if delay else history
+
+    def disturbed(self, case: Case, signals: Sequence[FloatArray]) -> list[FloatArray | str]:
+        """Return the outputs of a case with signals (samples, joints) added to the input."""
+        drives = [self._history(self.samples + signal) for signal in signals]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FlexarmWarning)
+            return self._open_loop([case] * len(signals), drives)
+
+    def rates(self, case: Case) -> FloatArray | str:
+        """Return the joint rates (samples, joints) of a case, or the reason of its failure."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", FlexarmWarning)
+                result = simulate(Arm(case.spec), progress=False, **self.arguments(case))
+        except FlexarmError as error:
+            return str(error)
+        return np.asarray(result["joint_rate"].values)
+
     def simulate(self, cases: Sequence[Case]) -> list[FloatArray | str]:
         """Return the outputs (samples, channels) of each case, or the reason of its failure."""
         with warnings.catch_warnings():  # the final arm is what users are warned of
@@ -158,14 +161,14 @@ class RecordRun:
         except InputError as error:
             return str(error)
         try:
-            arguments = self.arguments(case)
-            del arguments["channels"]  # which only batches have
-            result = simulate(self._arm, plant=plant, progress=False, **arguments)
+            result = simulate(self._arm, plant=plant, progress=False, **self.arguments(case))
         except SimulationError as error:
             return str(error)
         return self._outputs({name: result[name].values for name in self.channels})
 
-    def _open_loop(self, cases: Sequence[Case]) -> list[FloatArray | str]:
+    def _open_loop(
+        self, cases: Sequence[Case], drives: Sequence[PiecewiseCubic] | None = None
+    ) -> list[FloatArray | str]:
         runs: dict[int, tuple[Arm, FloatArray, FloatArray]] = {}  # those with a start, by case
         outputs: list[FloatArray | str] = [""] * len(cases)
         for k, case in enumerate(cases):
@@ -181,7 +184,7 @@ class RecordRun:
             batch = simulate_batch(
                 list(arms),
                 self.record.duration,
-                torque=[self._torque(cases[k]) for k in runs],
+                torque=[self._torque(cases[k], drives[k] if drives else None) for k in runs],
                 initial=np.array(q),
                 initial_rate=np.array(qd),
                 channels=self.channels,
@@ -235,15 +238,16 @@ class RecordRun:
             return bent, case.qd
         return assembled(arm, bent, case.qd, held=self._held)[:2]
 
-    def _torque(self, case: Case) -> PiecewiseCubic:
+    def _torque(self, case: Case, drive: PiecewiseCubic | None = None) -> PiecewiseCubic:
+        drive = drive or self._drive
         if self.record.input == "voltage":
             constant = Arm(case.spec).motor_torque(np.ones(self._arm.joints))
         elif self.record.input == "current":
             assert case.motors is not None
             constant = np.broadcast_to(np.asarray(case.motors.torque_constant), self._arm.joints)
         else:
-            return self._drive
-        return replace(self._drive, coefficients=self._drive.coefficients * constant)
+            return drive
+        return replace(drive, coefficients=drive.coefficients * constant)
 
     def _prescribed_joints(self) -> dict[int, PrescribedAngle]:
         record, settings = self.record, self.record.settings
@@ -281,7 +285,10 @@ def delayed(history: PiecewiseCubic, delay: float) -> PiecewiseCubic:
 
 
 def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
-    """Warn of records that take long and whose samples are too far apart to contain a vibration."""
+    """Warn of records that take long and whose samples are too far apart to contain a vibration.
+
+    InputError if the unit of their times is not stated.
+    """
     for k, run in enumerate(runs):
         case = space.case(k, space.start)
         arm = Arm(case.spec)
@@ -295,10 +302,8 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
         phase = 2.0 * np.pi * float(frequency[0]) / run.record.rate
         if phase <= _UNRESOLVED:
             continue
-        arguments = run.arguments(case)
-        del arguments["channels"]  # which only batches have
         try:
-            work = integrator_of(arm, **arguments).work
+            work = integrator_of(arm, **run.arguments(case)).work
         except InputError:  # a hopeless run
             work = np.inf
         work *= _RUNS * (1 + len(space.slots))
@@ -309,4 +314,7 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
                 f"by {phase:.2g} rad, and a fit would take about {work:.0e} evaluations of the "
                 "dynamics. Times are in seconds: are these in milliseconds?"
             )
+            if "assumed" in run.record.data["time"].attrs:
+                hint = 'Give time_unit="ms", or "s" if they are right.'
+                raise InputError(Problem("time", text, hint=hint))
             warn_caller(text, FlexarmWarning)

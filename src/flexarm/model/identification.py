@@ -103,6 +103,8 @@ class Filter(Record, kw_only=False):
                 yield Fault((name,), f"is not supported for {given.kind}", shown(given.raw(name)))
 
 
+#: Channels that drive the joints.
+INPUTS = ("torque", "current", "voltage")
 #: Factors to SI units, by the SI unit of the channel.
 UNITS: dict[str, dict[str, float]] = {
     "rad": {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295, "rev": 6.283185307179586},
@@ -176,7 +178,7 @@ class RecordFile(RecordSettings):
     """A file of measurements, the channels in its columns, and their treatment."""
 
     file: Word
-    """Path of the .csv, .mat, .nc or .parquet file, relative to this file."""
+    """Path of the .csv, .txt, .dat, .mat, .nc or .parquet file, relative to this file."""
     channels: Mapped[Annotated[Column, BeforeValidator(_by_key("column"))]] = Field(
         default={}, validate_default=True
     )
@@ -187,9 +189,9 @@ class RecordFile(RecordSettings):
     time_unit: Literal["s", "ms", "us"] | None = None
     """Unit of the time; by default that in brackets after its name, or s."""
     encoding: Word = "utf-8"
-    """Encoding of a .csv or .txt file, such as latin-1."""
+    """Encoding of a text file, such as latin-1; by default UTF-16 and Latin-1 are recognised."""
     skip: Annotated[int, Field(strict=True, ge=0), BeforeValidator(plain)] = 0
-    """Number of lines of a .csv or .txt file before its header."""
+    """Number of lines of a text file before its header; by default it is recognised."""
     sample_time: Positive | None = None
     """Sample time (s), instead of a column of the time."""
     rate: Positive | None = None
@@ -213,8 +215,9 @@ class RecordFile(RecordSettings):
 class FitSettings(Record):
     """Settings of the least-squares fit and of its runs."""
 
-    starts: Count = 1
-    """Number of starts; all but the first are drawn at random."""
+    starts: Count | None = None
+    """Number of starts; all but the first are drawn at random. By default 1, and two more
+    on both sides of the result if estimates correlate by more than 0.8."""
     seed: Seed = 0
     """Seed of the random starts."""
     loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"
@@ -226,7 +229,8 @@ class FitSettings(Record):
     """Standard deviation of a random torque error in each sample, one for all joints or one for
     each, for prediction_error (N m); estimated by default."""
     iterations: Count = 200
-    """Most evaluations of the residuals of a fit from one start."""
+    """Most evaluations of the residuals of a fit from one start, those of the beginnings of long
+    records included."""
     integrator: Word = "auto"
     """Name of the integrator."""
     step: Positive | None = None

@@ -7,7 +7,7 @@ from math import log, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from flexarm.base.errors import FlexarmError, InputError, Problem
+from flexarm.base.errors import FlexarmError
 from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.options import Sets, argument, changed_document
 from flexarm.cli.tables import console, facts
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from flexarm.arm.arm import Arm
     from flexarm.cases.scenario.file_errors import Where
     from flexarm.cases.scenario.scenario import Prepared
+    from flexarm.identification.identify import PreparedIdentification
     from flexarm.integrate.base import FloatArray
     from flexarm.model import StudySpec
     from flexarm.simulation.loop.stability import LoopPole
@@ -26,9 +27,10 @@ _MOST_FREQUENCIES = 4
 
 
 def check(
-    file: Annotated[Path, argument("FILE", "Arm, scenario or study.")], sets: Sets = None
+    file: Annotated[Path, argument("FILE", "Arm, scenario, study or identification.")],
+    sets: Sets = None,
 ) -> None:
-    """Check an arm, scenario or study file and report every problem with its line."""
+    """Check the file of an arm, scenario, study or identification; report problems by line."""
     from flexarm.arm.arm import described_arm
     from flexarm.cases.scenario.scenario import prepare
     from flexarm.cases.scenario.study import PreparedStudy
@@ -38,14 +40,17 @@ def check(
     from flexarm.model.plausible import implausible, warn_of
 
     document = changed_document(file, sets)
-    if "records" in document.value:
-        rule = "describes an identification, which `check` does not read"
-        hint = f"`flexarm identify {file}` validates it before the first run."
-        raise InputError(Problem(file.name, rule, hint=hint))
     unstable: list[str] = []
     odd: list[str] = []
     with collected_warnings() as texts:
-        if "drives" in document.value:
+        if "records" in document.value:
+            from flexarm.identification.identify import PreparedIdentification
+
+            identification = PreparedIdentification(document, file.parent)
+            identification.check()
+            arm = identification.arm
+            rows = [*_about_records(identification), *_about_vibration(arm)]
+        elif "drives" in document.value:
             located = locate_study(document)
             study = PreparedStudy(*located)
             arm = study.arm
@@ -74,6 +79,16 @@ def check(
         screen.print("valid, but not plausible: see the warning")
     else:
         screen.print("ok, but for the warning" if unstable else "ok")
+
+
+def _about_records(identification: PreparedIdentification) -> Rows:
+    rows = [("free", ", ".join(parameter.path for parameter in identification.study.free))]
+    for kind in ("records", "validation"):
+        for name, record in getattr(identification, kind).items():
+            channels = ", ".join(label.text for label in record.outputs)
+            text = f"{record.duration:g} s at {record.rate:g} Hz, {record.input}; {channels}"
+            rows.append((f"{kind}: {name}", text))
+    return rows
 
 
 def _about_study(study: StudySpec, where: Where) -> Rows:

@@ -6,7 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Annotated
 
-from flexarm.base.errors import ConvergenceWarning, IdentifiabilityWarning
+from flexarm.base.errors import AccuracyWarning, ConvergenceWarning, IdentifiabilityWarning
 from flexarm.cli.failures import warn
 from flexarm.cli.options import argument, check_places, flag, option
 from flexarm.cli.tables import numbers, print_line
@@ -21,15 +21,19 @@ def identify(
     """Estimate parameters of an arm from measured records."""
     from flexarm.cases.results import write_result
     from flexarm.identification.identify import PreparedIdentification
-    from flexarm.identification.result import FIT_HEADS, HEADS, fit_rows
+    from flexarm.identification.result import FIT_HEADS, HEADS, RELATED_HEADS, fit_rows, related
 
-    prepared = PreparedIdentification(study)
+    prepared = PreparedIdentification(study, study.parent)
     check_places(("--out", out, (".yaml", ".yml")), ("--result", result, (".nc",)))
     with warnings.catch_warnings():  # printed below
         warnings.simplefilter("ignore", IdentifiabilityWarning)
         warnings.simplefilter("ignore", ConvergenceWarning)
+        warnings.filterwarnings("ignore", "The residuals show", AccuracyWarning)
         identification = prepared.run(False if quiet else None)
     print_line(numbers("Estimates", HEADS, identification.rows()))
+    pairs = related(identification.parameters)
+    if pairs:
+        print_line(numbers("Correlations", RELATED_HEADS, pairs))
     print_line(numbers("Fit", FIT_HEADS, fit_rows(identification.fit)))
     if identification.validation.sizes["record"]:
         print_line(numbers("Validation", FIT_HEADS, fit_rows(identification.validation)))

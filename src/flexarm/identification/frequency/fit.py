@@ -10,8 +10,8 @@ reduce the errors most, one after another.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import product
 from typing import Any, ClassVar
 
@@ -39,6 +39,8 @@ _COARSE, _FINE = 1e-3, 1e-12
 #: Powers of s, terms beside the modes, and the largest damping ratio of a mode.
 _POWERS, _OTHERS = range(-2, 3), 6
 _DAMPED = 0.5
+#: Relative differences of frequency and damping ratio of a stable mode from one order to the next.
+_SAME_FREQUENCY, _SAME_DAMPING = 0.01, 0.1
 
 
 def fitted(
@@ -47,33 +49,17 @@ def fitted(
     deviation: FloatArray,
     rates: NDArray[np.bool_],
     count: int,
-) -> dict[str, NDArray[Any]]:
+) -> dict[str, Any]:
     """Fit ``count`` modes to a response (F, outputs, inputs) at frequencies (F,) Hz.
 
     ``deviation`` is that of the response, NaN where unknown; ``rates`` (outputs,) states whether an
     output is the rate of a position. Return the arrays of `MeasuredModes` by name.
     """
-    problem = _Problem(hertz, response, deviation, rates)
-    numbers = problem.start
-    for number in range(1, count + 1):
-        numbers = np.concatenate([numbers, problem.next_pole(numbers)])
-        numbers = problem.refined(numbers, _FINE if number == count else _COARSE)
-    poles = numbers[1:].reshape(-1, 2)
-    order = np.argsort(poles[:, 0])
+    problem = _Rational(hertz, response, deviation, rates)
+    numbers, arrays = fitted_poles(problem, count)
     residues, predicted = problem.residues(numbers)
-    residues, poles = residues[order], poles[order]
-    deviations = problem.deviations(numbers)[order]
     lost = np.linalg.norm(response - predicted, axis=0) / np.linalg.norm(response, axis=0)
-    hertz, share = np.exp(poles[:, 0]) / (2.0 * np.pi), _share(poles[:, 1])
-    return {
-        "frequency_hz": hertz,
-        "damping_ratio": _DAMPED * share,
-        "frequency_deviation": hertz * deviations[:, 0],
-        "damping_deviation": _DAMPED * share * (1.0 - share) * deviations[:, 1],
-        "residues": residues,
-        "fitted": predicted,
-        "fit": 100.0 * (1.0 - lost),
-    }
+    return {**arrays, "residues": residues, "fitted": predicted, "fit": 100.0 * (1.0 - lost)}
 
 
 def _share(value: FloatArray) -> FloatArray:
@@ -83,116 +69,96 @@ def _share(value: FloatArray) -> FloatArray:
     return np.asarray(expit(value))
 
 
-class _Problem:
-    """Weighted errors of a response as functions of poles.
+class ModeProblem:
+    """Weighted errors of responses as functions of poles, without the linear numbers.
 
     The numbers are the logarithm of the rigid pole a (rad/s) and, for each mode, the logarithm of
     its natural frequency (rad/s) and the logit of its damping ratio over the largest one. All of
-    them are stable poles.
+    them are stable poles. ``values`` (rows, responses) are weighted, ``limits`` are the logarithms
+    of the lowest and the highest frequency.
     """
 
-    def __init__(
-        self,
-        hertz: FloatArray,
-        response: ComplexArray,
-        deviation: FloatArray,
-        rates: NDArray[np.bool_],
-    ) -> None:
-        self._s = 2j * np.pi * hertz
-        self._shape = response.shape
-        size = np.abs(response)
-        least = _LEAST * size + _LEAST_OF_ALL * size.max(axis=0)
-        known = np.where(np.isnan(deviation), least, np.maximum(deviation, least))
-        # Half the variance of a complex number is that of its real part.
-        weight = np.sqrt(2.0) / np.where(known > 0.0, known, 1.0)
-        self._rate = np.repeat(rates, response.shape[2])
-        self._weight = weight.reshape(len(hertz), -1)
-        self._values = _parts(self._weight * response.reshape(len(hertz), -1))
+    values: FloatArray
+    limits: tuple[float, float]
 
-    def _factor(self, q: int) -> ComplexArray:
-        """Return the weights (F,) of the terms of response q."""
-        return np.asarray(self._weight[:, q] * (self._s if self._rate[q] else 1.0))
+    def terms_of_pole(self, pole: FloatArray) -> list[FloatArray]:
+        """Return the weighted terms (rows, n) of a mode with numbers (2,) for each response."""
+        raise NotImplementedError
+
+    def other_terms(self, rigid: float) -> list[FloatArray]:
+        """Return the other weighted terms (rows, n) for each response."""
+        raise NotImplementedError
+
+    def reweight(self, numbers: FloatArray) -> None:
+        """Adapt the weights to the errors that remain."""
+
+    def trial_frequencies(self, errors: Sequence[FloatArray]) -> FloatArray:
+        """Return logarithms of frequencies at which a mode may reduce the errors."""
+        return np.linspace(*self.limits, _PLACES)
 
     @property
     def start(self) -> FloatArray:
         """The numbers (1,) without modes: a rigid pole below the band."""
-        return np.asarray(np.log(0.1 * np.abs(self._s[:1])))
+        return np.array([np.log(0.1) + self.limits[0]])
 
-    def _terms(self, numbers: FloatArray) -> ComplexArray:
-        """Return the terms (F, 2 k + 6) whose real factors are linear in the model."""
-        s, poles = self._s, numbers[1:].reshape(-1, 2)
-        middle = np.sqrt(np.abs(s[0] * s[-1]))
-        columns = [(s / middle) ** power for power in _POWERS]
-        columns.append(middle**2 / (s * (s + np.exp(numbers[0]))))
-        for omega, zeta in zip(np.exp(poles[:, 0]), _DAMPED * _share(poles[:, 1]), strict=True):
-            below = s**2 + 2.0 * zeta * omega * s + omega**2
-            columns += [omega**2 / below, omega * s / below]
-        return np.stack(columns, axis=1)
+    def matrices(self, numbers: FloatArray) -> list[FloatArray]:
+        """Return the weighted terms (rows, n) whose real factors are linear in the model."""
+        parts = [self.other_terms(numbers[0]), *map(self.terms_of_pole, numbers[1:].reshape(-1, 2))]
+        return [np.hstack(columns) for columns in zip(*parts, strict=True)]
 
-    def _bases(self, numbers: FloatArray) -> list[FloatArray]:
-        """Return an orthonormal basis of the weighted terms for each response."""
-        terms = self._terms(numbers)
-        count = self._values.shape[1]
-        return [np.linalg.qr(_parts(self._factor(q)[:, None] * terms))[0] for q in range(count)]
+    def linear(self, matrix: FloatArray, response: int) -> FloatArray:
+        """Return the linear numbers of a response."""
+        return np.asarray(np.linalg.lstsq(matrix, self.values[:, response], rcond=None)[0])
+
+    def _rest(self, bases: list[FloatArray]) -> list[FloatArray]:
+        return [v - b @ (b.T @ v) for v, b in zip(self.values.T, bases, strict=True)]
 
     def errors(self, numbers: FloatArray) -> FloatArray:
         """Return the weighted errors that remain for the best linear numbers."""
-        rest = [
-            values - basis @ (basis.T @ values)
-            for values, basis in zip(self._values.T, self._bases(numbers), strict=True)
-        ]
-        return np.concatenate(rest)
-
-    @cached_property
-    def _trials(self) -> tuple[FloatArray, ComplexArray]:
-        """Numbers (trials, 2) of trial poles, and their terms (F, trials, 2)."""
-        low, high = np.log(np.abs(self._s[[0, -1]]))
-        logits = [np.log(zeta / (_DAMPED - zeta)) for zeta in _TRIALS]
-        trials = np.array(list(product(np.linspace(low, high, _PLACES), logits)))
-        every = self._terms(np.append(0.0, trials.ravel()))[:, _OTHERS:]
-        return trials, every.reshape(len(self._s), -1, 2)
+        return np.concatenate(self._rest([np.linalg.qr(m)[0] for m in self.matrices(numbers)]))
 
     def next_pole(self, numbers: FloatArray) -> FloatArray:
         """Return the numbers (2,) of the trial pole that reduces the errors most."""
-        bases = self._bases(numbers)
-        trials, terms = self._trials
-        gain = np.zeros(len(trials))
-        for q, (values, basis) in enumerate(zip(self._values.T, bases, strict=True)):
-            rest = values - basis @ (basis.T @ values)
-            own = _parts(self._factor(q)[:, None, None] * terms)
-            crossed = np.tensordot(rest, own, axes=1)  # (trials, 2)
-            # Of the terms only the part that is orthogonal to the basis counts.
-            old = np.tensordot(basis.T, own, axes=1)
-            inner = np.empty((len(trials), 2, 2))
-            for i, j in ((0, 0), (0, 1), (1, 1)):
-                products = (own[..., i] * own[..., j]).sum(axis=0)
-                inner[:, i, j] = products - (old[..., i] * old[..., j]).sum(axis=0)
-            inner[:, 1, 0] = inner[:, 0, 1]
-            inner += 1e-9 * np.trace(inner, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-            step = np.linalg.solve(inner, crossed[..., None])[..., 0]
-            gain += np.sum(crossed * step, axis=1)
-        return np.asarray(trials[int(np.argmax(gain))])
+        bases = [np.linalg.qr(matrix)[0] for matrix in self.matrices(numbers)]
+        errors = self._rest(bases)
+        logits = [np.log(zeta / (_DAMPED - zeta)) for zeta in _TRIALS]
+        best, chosen = -1.0, np.zeros(2)
+        for trial in product(self.trial_frequencies(errors), logits):
+            gain = 0.0
+            for basis, rest, terms in zip(
+                bases, errors, self.terms_of_pole(np.array(trial)), strict=True
+            ):
+                # Of the terms only the part that is orthogonal to the basis counts.
+                own = np.linalg.qr(terms - basis @ (basis.T @ terms))[0]
+                gain += float(np.sum((own.T @ rest) ** 2))
+            if gain > best:
+                best, chosen = gain, np.array(trial)
+        return chosen
 
     def slopes(self, numbers: FloatArray) -> FloatArray:
         """Return derivatives (errors, numbers) of the errors; Kaufman, BIT 15 (1975) 49."""
-        terms, columns = self._terms(numbers), []
-        changed = [
-            (self._terms(numbers + change) - self._terms(numbers - change)) / (2.0 * _STEP)
-            for change in _STEP * np.eye(numbers.size)
-        ]
-        for q, values in enumerate(self._values.T):
-            factor = self._factor(q)[:, None]
-            basis, triangle = np.linalg.qr(_parts(factor * terms))
-            linear = np.linalg.lstsq(triangle, basis.T @ values, rcond=None)[0]
-            moved = np.stack([_parts(factor * each) @ linear for each in changed], axis=1)
-            columns.append(basis @ (basis.T @ moved) - moved)
-        return np.concatenate(columns)
+        matrices = self.matrices(numbers)
+        factors = [self.linear(matrix, q) for q, matrix in enumerate(matrices)]
+        columns = []
+        for change in _STEP * np.eye(numbers.size):
+            pairs = zip(
+                self.matrices(numbers + change), self.matrices(numbers - change), strict=True
+            )
+            columns.append(
+                [(a - b) @ f / (2.0 * _STEP) for (a, b), f in zip(pairs, factors, strict=True)]
+            )
+        blocks = []
+        for q, matrix in enumerate(matrices):
+            basis = np.linalg.qr(matrix)[0]
+            moved = np.stack([each[q] for each in columns], axis=1)
+            blocks.append(basis @ (basis.T @ moved) - moved)
+        return np.concatenate(blocks)
 
     def refined(self, numbers: FloatArray, precision: float) -> FloatArray:
         """Return the numbers with the least errors near the given ones."""
         from scipy.optimize import least_squares
 
-        low, high = np.log(np.abs(self._s[[0, -1]]))
+        low, high = self.limits
         count = numbers.size // 2
         lower = np.array([low - 7.0, *(count * [low - 0.5, -12.0])])
         upper = np.array([low + 2.0, *(count * [high + 0.5, 12.0])])
@@ -210,33 +176,123 @@ class _Problem:
 
     def deviations(self, numbers: FloatArray) -> FloatArray:
         """Return standard deviations (k, 2); larger errors than the noise increase them."""
-        changes = _STEP * np.eye(numbers.size)
-        pairs = [(self.errors(numbers + d), self.errors(numbers - d)) for d in changes]
-        slopes = np.stack([(after - before) / (2.0 * _STEP) for after, before in pairs], axis=1)
-        errors = self.errors(numbers)
-        linear = self._values.shape[1] * (numbers.size - 1 + _OTHERS)
+        slopes, errors = self.slopes(numbers), self.errors(numbers)
+        linear = sum(matrix.shape[1] for matrix in self.matrices(numbers))
         excess = max(1.0, float(errors @ errors) / max(1, errors.size - numbers.size - linear))
         covariance = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12, hermitian=True) * excess
         return np.sqrt(np.maximum(np.diag(covariance)[1:], 0.0)).reshape(-1, 2)
 
+
+def fitted_poles(problem: ModeProblem, count: int) -> tuple[FloatArray, dict[str, Any]]:
+    """Fit 1 to ``count`` modes; return the numbers, and the arrays of `MeasuredModes` for poles.
+
+    The poles are sorted by their frequency.
+    """
+    numbers, each = problem.start, []
+    for number in range(1, count + 1):
+        numbers = np.concatenate([numbers, problem.next_pole(numbers)])
+        numbers = problem.refined(numbers, _FINE if number == count else _COARSE)
+        problem.reweight(numbers)
+        each.append(root_of(numbers[1:].reshape(-1, 2)))
+    poles = numbers[1:].reshape(-1, 2)
+    order = np.argsort(poles[:, 0])
+    numbers = np.concatenate([numbers[:1], poles[order].ravel()])
+    deviations = problem.deviations(numbers)
+    hertz, share = np.exp(poles[order, 0]) / (2.0 * np.pi), _share(poles[order, 1])
+    return numbers, {
+        "frequency_hz": hertz,
+        "damping_ratio": _DAMPED * share,
+        "frequency_deviation": hertz * deviations[:, 0],
+        "damping_deviation": _DAMPED * share * (1.0 - share) * deviations[:, 1],
+        "orders": _diagram(each),
+    }
+
+
+def root_of(poles: FloatArray) -> ComplexArray:
+    """Return the roots (k,) with positive imaginary part of numbers (k, 2) of poles, 1/s."""
+    return _roots(np.exp(poles[:, 0]), _DAMPED * _share(poles[:, 1]))
+
+
+def _roots(omega: FloatArray, zeta: FloatArray) -> ComplexArray:
+    return np.asarray(omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2)))
+
+
+def _diagram(each: list[ComplexArray]) -> xr.Dataset:
+    """Return the order diagram of the roots that were fitted with 1, 2, ... modes."""
+    size = len(each)
+    roots = np.full((size, size), np.nan, dtype=np.complex128)
+    for k, own in enumerate(each):
+        roots[k, : k + 1] = own[np.argsort(np.abs(own))]
+    omega, damping = np.abs(roots), -roots.real / np.abs(roots)
+    near = [
+        np.abs(values[1:, :, None] / values[:-1, None, :] - 1.0) < limit
+        for values, limit in ((omega, _SAME_FREQUENCY), (damping, _SAME_DAMPING))
+    ]
+    stable = np.vstack([np.zeros((1, size), dtype=bool), (near[0] & near[1]).any(axis=2)])
+    columns = {"frequency_hz": omega / (2.0 * np.pi), "damping_ratio": damping, "stable": stable}
+    numbers = np.arange(1, size + 1)
+    return xr.Dataset(
+        {name: (("order", "mode"), values) for name, values in columns.items()},
+        {"order": numbers, "mode": numbers},
+    )
+
+
+class _Rational(ModeProblem):
+    """Weighted errors of a frequency response."""
+
+    def __init__(
+        self,
+        hertz: FloatArray,
+        response: ComplexArray,
+        deviation: FloatArray,
+        rates: NDArray[np.bool_],
+    ) -> None:
+        self._s = 2j * np.pi * hertz
+        self.limits = (float(np.log(abs(self._s[0]))), float(np.log(abs(self._s[-1]))))
+        self._shape = response.shape
+        size = np.abs(response)
+        least = _LEAST * size + _LEAST_OF_ALL * size.max(axis=0)
+        known = np.where(np.isnan(deviation), least, np.maximum(deviation, least))
+        # Half the variance of a complex number is that of its real part.
+        weight = np.sqrt(2.0) / np.where(known > 0.0, known, 1.0)
+        rate = np.where(np.repeat(rates, response.shape[2]), self._s[:, None], 1.0)
+        self._weight = weight.reshape(len(hertz), -1)
+        self._factors = list((self._weight * rate).T)
+        self.values = _parts(self._weight * response.reshape(len(hertz), -1))
+
+    def _weighted(self, terms: ComplexArray) -> list[FloatArray]:
+        return [_parts(factor[:, None] * terms) for factor in self._factors]
+
+    def other_terms(self, rigid: float) -> list[FloatArray]:
+        s = self._s
+        middle = np.sqrt(np.abs(s[0] * s[-1]))
+        columns = [(s / middle) ** power for power in _POWERS]
+        columns.append(middle**2 / (s * (s + np.exp(rigid))))
+        return self._weighted(np.stack(columns, axis=1))
+
+    def terms_of_pole(self, pole: FloatArray) -> list[FloatArray]:
+        omega, zeta = np.exp(pole[0]), _DAMPED * _share(pole[1])
+        below = self._s**2 + 2.0 * zeta * omega * self._s + omega**2
+        return self._weighted(np.stack([omega**2 / below, omega * self._s / below], axis=1))
+
     def residues(self, numbers: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return residues (k, outputs, inputs), and the response of the fit."""
-        terms, count = self._terms(numbers), self._values.shape[1]
         poles = numbers[1:].reshape(-1, 2)
-        omega, zeta = np.exp(poles[:, 0]), _DAMPED * _share(poles[:, 1])
-        root = omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
-        residues = np.zeros((len(poles), count), dtype=np.complex128)
-        response = np.zeros((len(self._s), count), dtype=np.complex128)
-        for q in range(count):
-            weighted = _parts(self._factor(q)[:, None] * terms)
-            linear = np.linalg.lstsq(weighted, self._values[:, q], rcond=None)[0]
-            rate = self._s if self._rate[q] else np.ones_like(self._s)
-            response[:, q] = rate * (terms @ linear)
+        omega, root = np.exp(poles[:, 0]), root_of(poles)
+        residues, response = [], []
+        for q, (matrix, factor) in enumerate(
+            zip(self.matrices(numbers), self._factors, strict=True)
+        ):
+            linear = self.linear(matrix, q)
+            real, imaginary = np.split(matrix @ linear, 2)
+            response.append((real + 1j * imaginary) / self._weight[:, q])
             even, odd = linear[_OTHERS::2] * omega**2, linear[_OTHERS + 1 :: 2] * omega
             own = (even + odd * root) / (2j * root.imag)
-            residues[:, q] = own * (root if self._rate[q] else 1.0)
+            rate = np.any(factor.imag)
+            residues.append(own * (root if rate else 1.0))
         shape = self._shape[1:]
-        return residues.reshape(-1, *shape), response.reshape(-1, *shape)
+        every = np.stack(residues, axis=1).reshape(-1, *shape)
+        return every, np.stack(response, axis=1).reshape(-1, *shape)
 
 
 def _parts(values: ComplexArray) -> FloatArray:
@@ -250,7 +306,9 @@ _STILL = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class MeasuredModes:
-    """Modes that were fitted to a `FrequencyResponse`, in the order of ascending frequency.
+    """Modes that were fitted to measurements, in the order of ascending frequency.
+
+    They are fitted to a `FrequencyResponse`, or to records over time by `measured_modes`.
 
     Attributes:
         frequency_hz: (k,) natural frequencies, the moduli of the poles over 2 pi.
@@ -258,9 +316,14 @@ class MeasuredModes:
         frequency_deviation, damping_deviation: (k,) standard deviations, from the deviation of the
             response, and from the errors of the fit if these are larger.
         residues: (k, outputs, inputs) complex numbers A of the terms A / (s - p) of the response.
-        fitted: (F, outputs, inputs) response of the fit at the frequencies in the band.
-        fit: (outputs, inputs) percent, 100 is perfect.
-        outputs, inputs: names, as in the response.
+        fitted: (F, outputs, inputs) response of the fit at the frequencies in the band; for
+            records, the outputs (samples, outputs) of all of them, one after another.
+        fit: (outputs, inputs) percent, 100 is perfect; (outputs,) for records.
+        orders: order diagram over ``order``, the number of modes that were fitted, and ``mode``:
+            ``frequency_hz``, ``damping_ratio``, and ``stable``, whether they differ by less than
+            1 % and 10 % from those of a mode of the order before. Modes that noise imitates are
+            not stable.
+        outputs, inputs: names, as in the response or the records.
     """
 
     frequency_hz: FloatArray
@@ -268,8 +331,9 @@ class MeasuredModes:
     frequency_deviation: FloatArray
     damping_deviation: FloatArray
     residues: NDArray[np.complex128]
-    fitted: NDArray[np.complex128] = field(repr=False)
+    fitted: NDArray[Any] = field(repr=False)
     fit: FloatArray
+    orders: xr.Dataset = field(repr=False)
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     _labels: tuple[Label, ...] = field(repr=False)
@@ -293,8 +357,7 @@ class MeasuredModes:
     @property
     def poles(self) -> NDArray[np.complex128]:
         """Poles (k,) with positive imaginary part, 1/s."""
-        omega, zeta = 2.0 * np.pi * self.frequency_hz, self.damping_ratio
-        return np.asarray(omega * (-zeta + 1j * np.sqrt(1.0 - zeta**2)))
+        return _roots(2.0 * np.pi * self.frequency_hz, self.damping_ratio)
 
     @property
     def shapes(self) -> NDArray[np.complex128]:

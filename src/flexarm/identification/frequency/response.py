@@ -41,7 +41,7 @@ _EXCITED, _DISTINCT = 1e-6, 1e-6
 #: Fewest frequencies of a fit, besides two for each mode.
 _SPARE = 6
 #: Fit (%) of modes below which some are missing or noise hides them.
-_POOR = 50.0
+POOR = 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class FrequencyResponse:
         Warns:
             AccuracyWarning: if the fit of a response is below 50 %.
         """
-        low, high = _check_band(band)
+        low, high = check_band(band)
         inside = (self.frequency_hz >= low) & (self.frequency_hz <= high)
         if np.count_nonzero(inside) < 2 * count + _SPARE:
             rule = f"contain at least {2 * count + _SPARE} frequencies for {count} modes"
@@ -113,7 +113,7 @@ class FrequencyResponse:
             f"{output} to {given} ({percent:.2g} %)"
             for output, row in zip(self.outputs, fit["fit"], strict=True)
             for given, percent in zip(self.inputs, row, strict=True)
-            if percent < _POOR
+            if percent < POOR
         ]
         if poor:
             text = f"the fitted modes hardly reproduce {', '.join(poor)}; 100 % is perfect. "
@@ -162,10 +162,30 @@ def frequency_response(
 
     Bendat and Piersol, *Random Data*, 4th ed., 2010, section 7.2 and (9.52).
     """
-    given = check_some_records(records)
+    given, inputs, outputs = alike_records(records)
     if period is not None and segment is not None:
         raise InputError(Problem("segment", "cannot be combined with period"))
-    limits = _check_band(band)
+    limits = check_band(band)
+    if period is not None:
+        length = check_positive("period", period, "s")
+        parts = [_periodic_spectra(record, length, start) for record in given.values()]
+    else:
+        width = None if segment is None else check_positive("segment", segment, "s")
+        parts = [_segment_spectra(record, width, start) for record in given.values()]
+    if any(part.frequency_hz.size != parts[0].frequency_hz.size for part in parts):
+        rule, hint = "is required for records of different length", "Give its length in seconds."
+        raise InputError(Problem("segment", rule, hint=hint))
+    averages = sum(part.averages for part in parts)
+    total = sum(part.averages * part.matrix for part in parts) / averages
+    spectra = _Spectra(parts[0].frequency_hz, np.asarray(total), averages)
+    return _estimate(spectra, next(iter(given.values())), inputs, outputs, limits)
+
+
+def alike_records(
+    records: Records,
+) -> tuple[dict[str, MeasuredRecord], list[Label], list[Label]]:
+    """Return records with inputs, and their inputs and outputs; InputError if these differ."""
+    given = check_some_records(records)
     names = list(given)
     first = given[names[0]]
     inputs, outputs = list(first.inputs), list(first.outputs)
@@ -184,22 +204,10 @@ def frequency_response(
             problems.append(Problem(name, f"has another rate than {names[0]}, {first.rate:g} Hz"))
     if problems:
         raise InputError(*problems)
-    if period is not None:
-        length = check_positive("period", period, "s")
-        parts = [_periodic_spectra(record, length, start) for record in given.values()]
-    else:
-        width = None if segment is None else check_positive("segment", segment, "s")
-        parts = [_segment_spectra(record, width, start) for record in given.values()]
-    if any(part.frequency_hz.size != parts[0].frequency_hz.size for part in parts):
-        rule, hint = "is required for records of different length", "Give its length in seconds."
-        raise InputError(Problem("segment", rule, hint=hint))
-    averages = sum(part.averages for part in parts)
-    total = sum(part.averages * part.matrix for part in parts) / averages
-    spectra = _Spectra(parts[0].frequency_hz, np.asarray(total), averages)
-    return _estimate(spectra, next(iter(given.values())), inputs, outputs, limits)
+    return given, inputs, outputs
 
 
-def _check_band(band: ArrayLike | None) -> tuple[float, float]:
+def check_band(band: ArrayLike | None) -> tuple[float, float]:
     """Return the lowest and the highest frequency, Hz; all without a band."""
     if band is None:
         return 0.0, np.inf

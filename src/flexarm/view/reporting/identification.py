@@ -12,13 +12,12 @@ from flexarm.cases.scenario.summary import about_arm
 from flexarm.identification.result import (
     FIT_HEADS,
     HEADS,
-    LAGS,
     SIGNIFICANT,
     Identification,
-    correlation_of,
-    cross_correlation,
     fit_rows,
+    related,
 )
+from flexarm.identification.statistics import LAGS, correlation_of, cross_correlation
 from flexarm.model.file_format.files import file_text
 from flexarm.view.plot import fits
 from flexarm.view.plot.animation.scene import style
@@ -26,8 +25,6 @@ from flexarm.view.reporting import Table, clean, file_item, number, text_of
 
 #: Factor on a standard deviation: 99 % of normal numbers.
 _BAND = 2.576
-#: Magnitude from which the correlation of two estimates is listed.
-_RELATED = 0.9
 #: Most estimates whose correlations are drawn.
 _MOST_DRAWN = 24
 
@@ -101,13 +98,11 @@ def _estimates(result: Identification) -> list[Table]:
         initial = zip(*(result.initial[k].values for k in columns), strict=True)
         rows = [(name, number(0.0), *map(number, values), "") for name, *values in initial]
         tables.append(_values("Initial states: changes from the start", rows, result.initial))
-    names, matrix = (result.parameters[k].values for k in ("parameter", "correlation"))
-    related = tuple(
-        (clean(str(names[i])), clean(str(names[j])), f"{matrix[i, j]:.4f}")
-        for i, j in np.argwhere(np.triu(np.abs(matrix) >= _RELATED, 1))
+    pairs = tuple(
+        (clean(one), clean(other), size) for one, other, size in related(result.parameters)
     )
-    if related:
-        tables.append(Table("Estimates with a large correlation", ("", "", "correlation"), related))
+    if pairs:
+        tables.append(Table("Estimates with a large correlation", ("", "", "correlation"), pairs))
     noise = [(name, number(value)) for name, value in result.noise.items()]
     if result.torque_noise is not None:
         noise += [
@@ -121,12 +116,10 @@ def _estimates(result: Identification) -> list[Table]:
 def _values(title: str, rows: Any, table: xr.Dataset) -> Table:
     """Return estimates with their 95 % intervals."""
     made = []
-    for (name, start, estimate, deviation, remark), value, own in zip(
-        rows, table["estimate"].values, table["standard_deviation"].values, strict=True
-    ):
-        half = 1.96 * own
-        interval = f"{number(value - half)} to {number(value + half)}" if np.isfinite(own) else "–"
-        made.append((clean(str(name)), start, estimate, deviation, interval, remark))
+    ends = zip(*(table[key].values for key in ("interval_start", "interval_end")), strict=True)
+    for (name, start, estimate, deviation, remark), pair in zip(rows, ends, strict=True):
+        low, high = (number(end) if np.isfinite(end) else "–" for end in pair)
+        made.append((clean(str(name)), start, estimate, deviation, f"{low} to {high}", remark))
     return Table(title, (*HEADS[:4], "95 % interval", ""), tuple(made))
 
 

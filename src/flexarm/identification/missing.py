@@ -1,0 +1,182 @@
+"""Effects that residuals show and the model lacks: friction, offsets, delays, gains.
+
+Each effect is a signal that is added to an input or to an output, so that its change of the outputs
+is computed without a new arm. The test is the score test with the correlation of residuals over
+time (Breusch and Pagan, Review of Economic Studies 47 (1980) 239; Newey and West, Econometrica 55
+(1987) 703): the part of the change that no estimate can reproduce is compared with the residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flexarm.identification.fitting import Fit, FitProblem
+from flexarm.identification.prediction import PredictedRun
+from flexarm.identification.record import MEASURED
+from flexarm.identification.runs import RecordRun
+from flexarm.identification.space import Case
+from flexarm.identification.statistics import Column, coloured_information
+from flexarm.integrate.base import FloatArray
+
+#: Size of added inputs, as a fraction of the largest input.
+_SIZE = 0.01
+#: Least deviations by which an effect differs from zero, least share of the squared residuals that
+#: it explains, and least part of its change that no estimate reproduces.
+_DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-4
+#: Blocks of the records, and least deviations by their scatter (95 % of t for eight of them).
+_BLOCKS, _CONSISTENT = 8, 2.36
+#: Most effects that are named.
+_MOST = 3
+
+
+class Effect(NamedTuple):
+    """Effect that the model lacks."""
+
+    sentence: str
+    shift: FloatArray  # (parameters,) change of the estimates in a model that has it
+
+
+class _Candidate(NamedTuple):
+    """Effect to test: its change of the weighted outputs, for a size of one unit."""
+
+    name: str
+    unit: str
+    columns: list[FloatArray]  # (samples,) of each column of residuals
+    positive: bool  # whether a negative size has no meaning
+
+
+def missing_effects(problem: FitProblem, fit: Fit, columns: Sequence[Column]) -> list[Effect]:
+    """Return the effects that residuals show and the model lacks, the largest first.
+
+    ``columns`` are those of the fit. Prediction errors are not tested: a filter follows effects.
+    """
+    if any(isinstance(run, PredictedRun) for run in problem.runs):
+        return []
+    candidates = _candidates(problem, fit)
+    scale = problem.space.scale
+    slopes = np.concatenate([column.derivatives for column in columns]) * scale
+    residuals = np.concatenate([column.residuals for column in columns])
+    basis, triangle = np.linalg.qr(slopes)
+    total, chosen = float(residuals @ residuals), list[tuple[_Candidate, float]]()
+    while candidates and total > 0.0 and len(chosen) < _MOST:
+        rest = residuals - basis @ (basis.T @ residuals)
+        tests = [_test(candidate, columns, basis, rest, total) for candidate in candidates]
+        best = int(np.argmax([share for share, _ in tests]))
+        share, direction = tests[best]
+        if share < _SHARE:
+            break
+        basis = np.column_stack([basis, direction])
+        chosen.append((candidates.pop(best), share))
+    if not chosen:
+        return []
+    changes = np.stack([np.concatenate(each.columns) for each, _ in chosen], axis=1)
+    apart = changes - basis[:, : len(scale)] @ (basis[:, : len(scale)].T @ changes)
+    sizes = np.linalg.lstsq(apart, residuals, rcond=None)[0]
+    inverse = np.linalg.pinv(triangle)
+    shifts = scale[:, None] * (inverse @ (basis[:, : len(scale)].T @ (changes * sizes)))
+    return [
+        Effect(_sentence(candidate, size, share), shift)
+        for (candidate, share), size, shift in zip(chosen, sizes, shifts.T, strict=True)
+    ]
+
+
+def _sentence(candidate: _Candidate, size: float, share: float) -> str:
+    unit = f" {candidate.unit}" if candidate.unit else ""
+    return (
+        f"The residuals show {candidate.name} of about {size:.2g}{unit} that the model lacks "
+        f"({100.0 * share:.0f} % of their power). The standard deviations contain the change of "
+        "the estimates by it."
+    )
+
+
+def _test(
+    candidate: _Candidate,
+    columns: Sequence[Column],
+    basis: FloatArray,
+    residuals: FloatArray,
+    total: float,
+) -> tuple[float, FloatArray]:
+    """Return the share of squared residuals that a candidate explains, and its direction."""
+    change = np.concatenate(candidate.columns)
+    apart = change - basis @ (basis.T @ change)
+    size = float(np.linalg.norm(apart))
+    if size <= np.sqrt(_DISTINCT) * np.linalg.norm(change):
+        return 0.0, apart
+    direction = apart / size
+    explained = float(direction @ residuals)
+    if explained < 0.0 and candidate.positive:
+        return 0.0, direction
+    # A drift of the residuals resembles an effect in total, but not in each part of the record.
+    ends = np.cumsum([column.residuals.size for column in columns])[:-1]
+    scores = direction * (residuals - explained * direction)
+    parts = [np.array_split(part, _BLOCKS) for part in np.split(scores, ends)]
+    blocks = np.sum([[part.sum() for part in own] for own in parts], axis=0)
+    if explained**2 < _CONSISTENT**2 * _BLOCKS / (_BLOCKS - 1) * float(blocks @ blocks):
+        return 0.0, direction
+    every = zip(np.split(residuals, ends), np.split(direction, ends), columns, strict=True)
+    noise = [Column(r, np.std(r) * d[:, None], column.valid) for r, d, column in every]
+    if explained**2 < _DEVIATIONS**2 * coloured_information(noise)[0, 0]:
+        return 0.0, direction
+    return explained**2 / total, direction
+
+
+def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
+    """Return the effects to test, with their changes in all records."""
+    zeros = [np.zeros(run.measured.shape) for run in problem.runs]
+    changes: dict[tuple[str, str, bool], list[FloatArray]] = {}
+    for k, (run, outputs) in enumerate(zip(problem.runs, fit.outputs, strict=True)):
+        effects = _of_outputs(run, outputs)
+        if run.record.driven and run.record.input != "none":
+            effects |= _of_inputs(run, problem.space.case(k, fit.vector), outputs)
+        # A channel without residuals, such as one that is always zero, has no noise to compare.
+        tested = run.valid & np.any((run.measured != outputs) & run.valid, axis=0)
+        for key, change in effects.items():
+            own = changes.setdefault(key, list(zeros))
+            own[k] = problem.whitened(k, np.where(tested, change, 0.0))
+    return [
+        _Candidate(name, unit, [column for own in every for column in own.T], positive)
+        for (name, unit, positive), every in changes.items()
+        if any(np.any(own) for own in every)
+    ]
+
+
+def _of_inputs(
+    run: RecordRun, case: Case, outputs: FloatArray
+) -> dict[tuple[str, str, bool], FloatArray]:
+    """Return changes of the outputs by friction, offsets and a delay of the input."""
+    joints, unit = run.samples.shape[1], MEASURED[run.record.input].unit
+    rates = run.rates(case)
+    if isinstance(rates, str):
+        return {}
+    middle = 0.5 * (rates + np.vstack([rates[1:], rates[-1:]]))  # of each sample of the input
+    signals, word = {}, run.record.input
+    for k, number in enumerate(run.joint_numbers):
+        axis = np.eye(joints)[k]
+        signals[f"Coulomb friction of joint {number}", unit, True] = -np.sign(middle) * axis
+        signals[f"an offset of {word}_{number}", unit, False] = np.ones_like(middle) * axis
+    late = -np.gradient(run.samples, axis=0) * run.record.rate
+    signals[f"a delay of the {word}", "s", False] = late
+    size = _SIZE * np.abs(run.samples).max()
+    sizes = [size / (np.abs(signal).max() or 1.0) for signal in signals.values()]
+    changed = run.disturbed(case, [s * f for s, f in zip(signals.values(), sizes, strict=True)])
+    return {
+        key: (values - outputs) / factor
+        for key, factor, values in zip(signals, sizes, changed, strict=True)
+        if factor and not isinstance(values, str)
+    }
+
+
+def _of_outputs(run: RecordRun, outputs: FloatArray) -> dict[tuple[str, str, bool], FloatArray]:
+    """Return changes of the outputs by offsets, gains and delays of themselves."""
+    effects = {}
+    for k, label in enumerate(run.labels):
+        axis, own = np.eye(len(run.labels))[k], outputs[:, k : k + 1]
+        unit = MEASURED[label.channel].unit.replace("1", "")
+        late = -np.gradient(own, axis=0) * run.record.rate
+        effects[f"an offset of {label.text}", unit, False] = np.ones_like(own) * axis
+        effects[f"a relative error of the gain of {label.text}", "", False] = own * axis
+        effects[f"a delay of {label.text}", "s", False] = late * axis
+    return effects
