@@ -78,7 +78,7 @@ class RecordRun:
         )
         self._places = [place_of(arm, label) for label in self.labels]
         self.channels = list(dict.fromkeys(label.channel for label in self.labels))
-        joints, record = self._arm.joints, self.record
+        joints, record = self._arm.n_joints, self.record
         samples = np.zeros((self.times.size, joints))
         for label, column in record.inputs.items():
             samples[:, place_of(self._arm, label)] = column
@@ -105,8 +105,8 @@ class RecordRun:
             hint = "A winding is that of a motor driven by a voltage."
             problems.append(Problem("input", "is current, but a joint has a winding", hint=hint))
         angle = self.record.settings.initial_angle
-        if angle is not None and len(angle) != arm.joints:
-            rule = f"have one angle for each of the {arm.joints} joints"
+        if angle is not None and len(angle) != arm.n_joints:
+            rule = f"have one angle for each of the {arm.n_joints} joints"
             problems.append(Problem("initial_angle", rule, str(len(angle))))
         if problems:
             raise InputError(*(replace(p, where=self.name) for p in problems))
@@ -237,10 +237,10 @@ class RecordRun:
 
     def _torque(self, case: Case) -> PiecewiseCubic:
         if self.record.input == "voltage":
-            constant = Arm(case.spec).motor_torque(np.ones(self._arm.joints))
+            constant = Arm(case.spec).motor_torque(np.ones(self._arm.n_joints))
         elif self.record.input == "current":
             assert case.motors is not None
-            constant = np.broadcast_to(np.asarray(case.motors.torque_constant), self._arm.joints)
+            constant = np.broadcast_to(np.asarray(case.motors.torque_constant), self._arm.n_joints)
         else:
             return self._drive
         return replace(self._drive, coefficients=self._drive.coefficients * constant)

@@ -88,7 +88,7 @@ def typical_torque(arm: Arm, posture: ArrayLike | None, rate: float) -> FloatArr
     By a quarter of its square, for the rigid model in a posture (joints,) rad; zero by default. The
     base and the other joints are at rest, without closures.
     """
-    at = np.zeros(arm.joints) if posture is None else np.asarray(posture, dtype=np.float64)
+    at = np.zeros(arm.n_joints) if posture is None else np.asarray(posture, dtype=np.float64)
     rigid = arm.rigid()
     inertia = np.diag(rigid.mass_matrix(rigid.rest(at)))[rigid.joint_index]
     torque: FloatArray = _BRISK * rate**2 * inertia
