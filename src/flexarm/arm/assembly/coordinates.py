@@ -25,7 +25,7 @@ def check_joint(arm: Coordinates, name: str, joint: object) -> int:
     raise InputError(Problem(name, rule, shown(joint)))
 
 
-def check_state(arm: Coordinates, name: str, value: object) -> FloatArray:
+def check_state(arm: Coordinates, name: str, value: ArrayLike) -> FloatArray:
     """Return q (dof,) of a value that is q, or joint angles (joints,) of straight links.
 
     Raises:
@@ -35,7 +35,7 @@ def check_state(arm: Coordinates, name: str, value: object) -> FloatArray:
         ImplausibleValueWarning: if joint angles look like degrees.
     """
     try:
-        shape = np.shape(value)  # type: ignore[arg-type]
+        shape = np.shape(value)
     except ValueError:  # rows of different lengths, which the checks below report
         shape = ()
     if shape == (arm.n_joints,):

@@ -98,7 +98,8 @@ class Parametrised(Parameters):
 
     def _rows(self) -> Iterator[tuple[str, str, str]]:
         """Yield name, value and unit of each parameter that is not at its default."""
-        for name, item in _parameters(type(self)).items():
+        kind: Any = type(self)
+        for name, item in _parameters(kind).items():
             value = getattr(self, name, None)
             plain = value.tolist() if isinstance(value, np.ndarray) else value
             if plain is not None and plain != item.default:

@@ -235,7 +235,8 @@ def modes(
     if spin != 0.0 and (environment.loads or environment.contacts):
         raise InputError(Problem("loads", "cannot be combined with spin"))
     point = joint_angles if q is None else q
-    bent = isinstance(q, Equilibrium) or np.shape(point) == (arm.dof,) != (arm.n_joints,)  # type: ignore[arg-type]
+    shape: tuple[int, ...] = np.shape(point)  # type: ignore[arg-type]
+    bent = isinstance(q, Equilibrium) or shape == (arm.dof,) != (arm.n_joints,)
     if spin != 0.0 and not bent:
         place = steady_shape(arm, place, spin)
     refuse_open(arm, "joint_angles" if q is None else "q", place)

@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count, zip_longest
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, cast
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError, InputError, Problem
@@ -374,9 +374,10 @@ def _rebuilt(record: Scenario | StudySpec, order: list[int]) -> Scenario | Study
     if isinstance(record, StudySpec):
         return record.replace(arm=arm)
     around = starts.scenario_around(arm)
-    bare = {"initial": None, "hardware": None, "motion": around.motion}
+    bare: dict[str, Any] = {"initial": None, "hardware": None, "motion": around.motion}
     refusals: list[FlexarmError] = []
-    for more in ({}, {"motion": record.motion}, {"motion": around.motion}, bare):
+    attempts = {}, {"motion": record.motion}, {"motion": around.motion}, bare
+    for more in cast("tuple[dict[str, Any], ...]", attempts):
         try:
             if more:
                 undriven = around.replace(**more)
