@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +26,7 @@ def check_joint(arm: Coordinates, name: str, joint: object) -> int:
     raise InputError(Problem(name, rule, shown(joint)))
 
 
-def check_state(arm: Coordinates, name: str, value: ArrayLike) -> FloatArray:
+def check_state(arm: Coordinates, name: str, value: Any) -> FloatArray:
     """Return q (dof,) of a value that is q, or joint angles (joints,) of straight links.
 
     Raises:

@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count, zip_longest
 from pathlib import Path as FilePath
-from typing import Any, cast
+from typing import Any
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError, InputError, Problem
@@ -376,8 +376,13 @@ def _rebuilt(record: Scenario | StudySpec, order: list[int]) -> Scenario | Study
     around = starts.scenario_around(arm)
     bare: dict[str, Any] = {"initial": None, "hardware": None, "motion": around.motion}
     refusals: list[FlexarmError] = []
-    attempts = {}, {"motion": record.motion}, {"motion": around.motion}, bare
-    for more in cast("tuple[dict[str, Any], ...]", attempts):
+    attempts: list[dict[str, Any]] = [
+        {},
+        {"motion": record.motion},
+        {"motion": around.motion},
+        bare,
+    ]
+    for more in attempts:
         try:
             if more:
                 undriven = around.replace(**more)
