@@ -94,7 +94,7 @@ def test_links_have_buttons():
 
 def test_the_scenario_of_init_opens_after_its_arm(tmp_path):
     arm, scenario = _files_of_init(tmp_path)
-    with pytest.raises(fa.ModelError, match=r"another file, 'arm\.yaml'; open that file first"):
+    with pytest.raises(fa.ModelError, match=r"refers to another file, 'arm\.yaml'"):
         open_bytes(scenario, "scenario.yaml")
     opened = open_bytes(arm, "arm.yaml").record.arm
     project = open_bytes(scenario, "scenario.yaml", {"arm.yaml": opened})

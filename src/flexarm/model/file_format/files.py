@@ -234,7 +234,7 @@ def _whole(text: str, file: AnyPath) -> Document:
     document = _parsed(FilePath(file), text)
     if isinstance(document.value.get("arm"), str):
         named = shown(document.value["arm"])
-        rule = f"refers to another file, {named}; open that file first, or describe the arm here"
+        rule = f"refers to another file, {named}; it must describe the arm here"
         raise ModelError(Problem("arm", rule, where=str(file)))
     return document
 
