@@ -145,7 +145,9 @@ def optimal_excitation(
     if np.any(arm.spec.gravity):
         raise InputError(Problem("arm", "has gravity, which is not supported"))
     whole = 2.0 * period if duration is None else duration
-    angles = np.zeros(arm.n_joints) if start is None else check_array("start", start, (arm.n_joints,))
+    angles = (
+        np.zeros(arm.n_joints) if start is None else check_array("start", start, (arm.n_joints,))
+    )
     full = multisine(period, band, np.ones(arm.n_joints), rise=min(period, whole) / 8.0)
     first = _chosen(full, check_count("lines", lines, 2))
     first.samples(rate, whole)  # checks the rate

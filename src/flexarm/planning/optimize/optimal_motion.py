@@ -344,7 +344,8 @@ def optimal_motion(
     check_choice("objective", objective, OBJECTIVES)
     limits = MotionLimits() if limits is None else check_kind("limits", limits, MotionLimits)
     begin, goal = (
-        check_array(name, given, (arm.n_joints,)) for name, given in (("start", start), ("end", end))
+        check_array(name, given, (arm.n_joints,))
+        for name, given in (("start", start), ("end", end))
     )
     if plant.n_joints != arm.n_joints:
         rule = f"have the number of joints of the arm ({arm.n_joints})"
