@@ -37,6 +37,6 @@ def moving_state(arm: fa.Arm) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return a reproducible state (q, qd) in motion, and torques."""
     rng = np.random.default_rng(1)
     q, qd = 1e-4 * rng.normal(size=(2, arm.dof))
-    q[arm.joint_index] = rng.uniform(-1.0, 1.0, arm.joints)
-    qd[arm.joint_index] = rng.uniform(-1.0, 1.0, arm.joints)
-    return q, qd, rng.uniform(-1.0, 1.0, arm.joints)
+    q[arm.joint_index] = rng.uniform(-1.0, 1.0, arm.n_joints)
+    qd[arm.joint_index] = rng.uniform(-1.0, 1.0, arm.n_joints)
+    return q, qd, rng.uniform(-1.0, 1.0, arm.n_joints)

@@ -115,7 +115,7 @@ def measure(seed: int) -> dict[str, Any]:
     ]
     table = choice.table
     bending = table.segments * table.modes
-    work = table.evaluations * (case.arm.joints + bending.sum("link"))
+    work = table.evaluations * (case.arm.n_joints + bending.sum("link"))
     plain = (table.modes == 2).all("link") & (table.segments == 1).all("link")
     reference = (plain & (table.theory == "second_order")).values
     cost = float(work[table.chosen.values][0])

@@ -43,7 +43,7 @@ def unit_beam(
 def frequencies(arm: fa.Arm, joints: str = "locked") -> FloatArray:
     """Return the frequencies (rad/s) with joints locked or free, rigid-body modes left out."""
     found = 2 * np.pi * fa.modes(arm, joints=joints).frequency_hz
-    return np.asarray(found[arm.joints * (joints == "free") :])
+    return np.asarray(found[arm.n_joints * (joints == "free") :])
 
 
 def mesh_digits(beta: float, elements: int, power: int = 2) -> float:

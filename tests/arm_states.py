@@ -52,7 +52,7 @@ def drawn(seed: int, **wishes: Any) -> Drawn:
         qd=arm.from_nodal(state.angle_rates, free_nodes(arm, state.nodal_rates)),
         # Radians per second squared, and modal accelerations of the same size.
         qdd=rng.normal(size=arm.dof) * 3.0,
-        torque=rng.normal(size=arm.joints) * 5.0,
+        torque=rng.normal(size=arm.n_joints) * 5.0,
         tip_force=rng.normal(size=3) * [3.0, 3.0, 1.0],
     )
 

@@ -39,7 +39,7 @@ class Busy:
     @property
     def all_loads(self) -> list[fa.Load]:
         """Return the loads and the tip force."""
-        force = fa.Load(link=self.arm.links, force=self.tip_force[:2], moment=self.tip_force[2])
+        force = fa.Load(link=self.arm.n_links, force=self.tip_force[:2], moment=self.tip_force[2])
         return [*self.loads, force]
 
 
@@ -84,7 +84,7 @@ def busy(seed: int, theory: str | None = None, reduced: bool = False) -> Busy:
         state=state,
         q=q,
         qd=qd,
-        torque=rng.normal(size=arm.joints) * 5.0,
+        torque=rng.normal(size=arm.n_joints) * 5.0,
         tip_force=rng.normal(size=3) * [3.0, 3.0, 1.0],
         loads=random_loads(rng, spec),
         base_velocity=rng.normal(size=2) * 3.0,

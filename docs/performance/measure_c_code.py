@@ -67,7 +67,7 @@ def main() -> None:
     for name, one in ARMS.items():
         with tempfile.TemporaryDirectory() as written:
             folder = Path(written)
-            posture = [0.3] * one.joints
+            posture = [0.3] * one.n_joints
             fa.export_c(one, folder, controller=fa.LQG(one, posture, sample_time=0.001))
             header = (folder / "arm.h").read_text()
             operations = dict(re.findall(r"(\d+) operations.*?void arm_(\w+)", header, re.S))

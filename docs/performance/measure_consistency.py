@@ -109,7 +109,7 @@ def errors(name, moving, seed):
     stiffness = np.diag(arm.stiffness_matrix(arm.rest(start)))[elastic]
     q[elastic] += np.sqrt(2.0 * ENERGY / stiffness) * random.standard_normal(elastic.size)
     qd[elastic] = np.sqrt(2.0 * ENERGY) * random.standard_normal(elastic.size)
-    qd[arm.joint_index] = RATE * random.standard_normal(arm.joints)
+    qd[arm.joint_index] = RATE * random.standard_normal(arm.n_joints)
     controller = Shaken(fa.JointPD(proportional, derivative), seed)
     run = fa.simulate(
         arm,

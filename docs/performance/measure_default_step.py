@@ -79,7 +79,7 @@ def draw(seed: int) -> tuple[fa.Arm, dict[str, object]]:
         arm, state = fa.Arm(spec), random_state(rng, spec)
         q = arm.from_nodal(state.angles, state.nodal)
         qd = arm.from_nodal(state.angle_rates, state.nodal_rates)
-        size = rng.normal(size=arm.joints) * 5.0
+        size = rng.normal(size=arm.n_joints) * 5.0
         return arm, {
             "initial": q,
             "initial_rate": qd,
@@ -90,7 +90,7 @@ def draw(seed: int) -> tuple[fa.Arm, dict[str, object]]:
     return b.arm, {
         "initial": b.q,
         "initial_rate": b.qd,
-        "torque": (lambda t: constant) if b.arm.joints else None,
+        "torque": (lambda t: constant) if b.arm.n_joints else None,
         "tip_force": b.tip_force,
         "loads": b.loads,
         "base_acceleration": b.base_acceleration,

@@ -42,9 +42,9 @@ def compare(seed: int, rate: float) -> Comparison | None:
     arm, settings = draw(seed)
     start = arm.padded(np.stack([settings["initial"], settings["initial_rate"]]))  # type: ignore[arg-type]
     angle = fastest_frequency(arm, start) / rate
-    if not arm.joints or angle >= ANGLES[-1]:
+    if not arm.n_joints or angle >= ANGLES[-1]:
         return None
-    samples = np.random.default_rng(seed).normal(size=(int(DURATION * rate) + 1, arm.joints))
+    samples = np.random.default_rng(seed).normal(size=(int(DURATION * rate) + 1, arm.n_joints))
     held = {**settings, "torque": samples, "torque_interpolation": "hold"}
     try:
         exact = run(arm, held, rate, integrator=METHODS[0], rtol=1e-12, atol=1e-14)

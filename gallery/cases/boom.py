@@ -143,7 +143,7 @@ def work_and_energy() -> tuple[FloatArray, FloatArray]:
 def quantities() -> list[Row]:
     sums, energy = (reference("boom", name).source for name in ("holding", "energy"))
     arm = boom()
-    still = np.zeros(arm.joints)
+    still = np.zeros(arm.n_joints)
     rigid = arm.rigid()
     rest = fa.equilibrium(arm, START)
     rows = []

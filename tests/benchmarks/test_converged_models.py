@@ -16,7 +16,7 @@ def row(kind: str, error: float, warned: bool, cost: float) -> dict[str, object]
 def test_random_arms_are_those_of_their_seed() -> None:
     one, again, other = (converged.draw(seed) for seed in (4, 4, 5))
     assert one.arm.spec == again.arm.spec != other.arm.spec
-    assert one.arm.joints == 1 + 4 % 3
+    assert one.arm.n_joints == 1 + 4 % 3
     assert one.kind.endswith("no hub inertia")
     assert np.array_equal(one.torque(0.1), again.torque(0.1))
 

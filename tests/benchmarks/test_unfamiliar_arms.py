@@ -17,7 +17,7 @@ def test_sixteen_arms_have_all_numbers_of_links_drives_and_gravities() -> None:
     cases = [bench.draw(seed) for seed in range(16)]
     kinds = {
         (
-            case.arm.joints,
+            case.arm.n_joints,
             any(case.arm.spec.gravity),
             case.arm.spec.joints[0].gear_ratio > 1.0,
         )

@@ -94,8 +94,8 @@ def arguments(arm: fa.Arm, seed: int) -> dict[str, np.ndarray]:
     """Return a random state of the arm, with torques and a tip force."""
     rng = np.random.default_rng(seed)
     q, qd, qdd = rng.normal(size=(3, arm.dof)) * [[0.001], [0.5], [2.0]]
-    q[arm.joint_index] = rng.uniform(-1.0, 1.0, arm.joints)
-    torque, force = rng.normal(size=arm.joints), rng.normal(size=3)
+    q[arm.joint_index] = rng.uniform(-1.0, 1.0, arm.n_joints)
+    torque, force = rng.normal(size=arm.n_joints), rng.normal(size=3)
     return {"q": q, "qd": qd, "qdd": qdd, "torque": torque, "tip_force": force}
 
 

@@ -95,7 +95,7 @@ def test_parameters(exported):
 def test_a_run_of_steps_is_that_of_simulate(exported):
     library, arm = Library(exported), parametric("second_order")
     steps, h = 200, 0.2 * library.macros["largest_step"]
-    torque = np.random.default_rng(1).normal(size=(steps, arm.joints))
+    torque = np.random.default_rng(1).normal(size=(steps, arm.n_joints))
     run = fa.simulate(
         arm,
         steps * h,
@@ -124,9 +124,9 @@ def test_largest_step(tmp_path):
     library, n, growth = Library(tmp_path), arm.dof, []
     rest = np.zeros(n)
     for factor in (1.0, 1.1):
-        A, B = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, arm.joints))
+        A, B = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, arm.n_joints))
         h = factor * library.macros["largest_step"]
-        library("step_jacobian", rest, rest, np.zeros(arm.joints), None, h, A, B)
+        library("step_jacobian", rest, rest, np.zeros(arm.n_joints), None, h, A, B)
         # The joints turn freely: their double eigenvalue 1 is found to half of the digits.
         growth.append(abs(np.linalg.eigvals(A)).max())
     assert growth[0] < 1.0 + 1e-6

@@ -37,9 +37,9 @@ def simulated(one, angles, torque, samples):
 def test_run_in_exudyn(fixed, driven, tmp_path):
     """The chain is the same; the flexible arm differs by what the bars do not resolve."""
     flexible = fixed_at_joint_2() if fixed else arm()
-    start = np.array([0.3, -0.5])[: flexible.joints]
+    start = np.array([0.3, -0.5])[: flexible.n_joints]
     path = fa.export_exudyn(flexible, tmp_path / "arm.py", virtual_joints=4)
-    torque = (lambda t: swing(t)[: flexible.joints]) if driven else None
+    torque = (lambda t: swing(t)[: flexible.n_joints]) if driven else None
     found = in_exudyn(path, start, torque)
     bars = rigid_chain(flexible, 4)
     places = coordinates(bars.arm, bars.driven)
@@ -47,7 +47,7 @@ def test_run_in_exudyn(fixed, driven, tmp_path):
     angles[places] = start
 
     def on_bars(t):
-        padded = np.zeros(bars.arm.joints)
+        padded = np.zeros(bars.arm.n_joints)
         padded[places] = torque(t)
         return padded
 

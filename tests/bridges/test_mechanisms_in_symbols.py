@@ -36,8 +36,8 @@ def test_reactions_of_branches_turn_with_their_parents(name: str) -> None:
 @pytest.mark.parametrize("mechanism", [four_bar(), cooperating_arms()], ids=["four-bar", "arms"])
 def test_models_of_closed_mechanisms(mechanism) -> None:
     arm = fa.Arm(**mechanism.fields)
-    first = fa.assembled(arm, arm.rest(mechanism.joints), arm.rest(np.ones(arm.joints)))
-    torque = np.linspace(0.2, 0.4, arm.joints)
+    first = fa.assembled(arm, arm.rest(mechanism.joints), arm.rest(np.ones(arm.n_joints)))
+    torque = np.linspace(0.2, 0.4, arm.n_joints)
     run = fa.simulate(
         arm, 0.05, torque=lambda t: torque, initial=first.q, initial_rate=first.qd
     ).isel(time=-1)

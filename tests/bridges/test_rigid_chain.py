@@ -63,7 +63,7 @@ def test_sag_under_gravity():
     flexible = arm(theory="second_order")
     rest = fa.equilibrium(flexible, [0.3, -0.4])
     chain = rigid_chain(flexible, 6)
-    angles = np.zeros(chain.arm.joints)
+    angles = np.zeros(chain.arm.n_joints)
     driven = coordinates(chain.arm, chain.driven)
     angles[driven] = [0.3, -0.4]
     for _ in range(20):  # Newton's method on the bending, with the driven joints given

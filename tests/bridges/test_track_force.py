@@ -27,7 +27,7 @@ class Pressing:
             self.sum += 20.0 * plant.sample_time * (wanted - felt)
         push = wanted + self.sum if self.touched else 1.0
         straight = arm.rest(seen.joint_angle)
-        turned = [arm.tip_velocity(straight, arm.rest(unit))[:2] for unit in np.eye(arm.joints)]
+        turned = [arm.tip_velocity(straight, arm.rest(unit))[:2] for unit in np.eye(arm.n_joints)]
         torque = [60.0, 15.0] * (angle - seen.joint_angle) + [12.0, 3.0] * (rate - seen.joint_rate)
         torque -= push * np.array(turned) @ arm_env.normal
         return (torque / arm_env.torque_limit).clip(-1.0, 1.0).astype(np.float32)
@@ -47,7 +47,7 @@ def episode(env, policy, seed=0, **options):
 
 
 def still(arm_env):
-    return np.zeros(arm_env.arm.joints, np.float32)
+    return np.zeros(arm_env.arm.n_joints, np.float32)
 
 
 @pytest.mark.thorough

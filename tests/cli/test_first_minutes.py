@@ -1,6 +1,7 @@
 """``flexarm init``, and the options of ``flexarm run`` that change a run without editing."""
 
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ def test_files_of_init_pass_the_check_without_a_warning(tmp_path, links, gravity
         assert (checked.exit_code, checked.stderr) == (0, "")
         assert checked.stdout.endswith("ok\n")
     arm = fa.load_arm(folder / "arm.yaml")
-    assert arm.links == links
+    assert arm.n_links == links
     assert np.sum(arm.lengths) == pytest.approx(2.0, abs=1e-3)
     assert arm.spec.gravity == (0.0, -9.81 if gravity else 0.0)
     # The written sample time is within the recommended one.
@@ -55,6 +56,17 @@ def test_arms_of_init_ring_visibly_and_stiff_ones_reach_their_goal(tmp_path, gra
     # One percent of a link of 1 m; the stiff arm rings by at most 0.3 mm.
     assert ringing["slender"] > 0.01
     assert ringing["stiff"] < 0.1 * ringing["slender"]
+
+
+@pytest.mark.parametrize("name", ["arm", "my arm"])
+def test_commands_that_init_prints_are_commands(tmp_path, name):
+    lines = invoke("init", tmp_path / name).stdout.partition("next: ")[2].splitlines()
+    check, run = (shlex.split(line) for line in lines)
+    folder = tmp_path / name
+    assert check == ["flexarm", "check", str(folder / "scenario.yaml")]
+    assert run[2:] == [str(folder / "scenario.yaml"), "--animate", str(folder / "arm.html")]
+    assert ('"' in "".join(lines)) == (" " in name)
+    assert invoke(*check[1:]).exit_code == 0
 
 
 def test_init_does_not_overwrite_files(tmp_path):

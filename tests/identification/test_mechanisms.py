@@ -32,12 +32,12 @@ def four_bar(coupler: float = 120.0, rocker: float = 0.7, damping: float = 0.05)
 def record(arm: fa.Arm, start: np.ndarray, folder, samples: int = 101) -> fa.MeasuredRecord:
     """Return a record of the first joint's torque and of all joint angles, with noise."""
     rng = np.random.default_rng(0)
-    torque = np.zeros((samples, arm.joints))
+    torque = np.zeros((samples, arm.n_joints))
     torque[:, 0] = 1.0 + np.repeat(rng.choice([-1.5, 1.5], samples // 10 + 1), 10)[:samples]
     options = {"torque": torque, "torque_interpolation": "hold", "rate": RATE}
     run = fa.simulate(arm, (samples - 1) / RATE, initial=start, **options)
     table = {"time": run.time.values}
-    for k in range(arm.joints):
+    for k in range(arm.n_joints):
         table[f"torque_{k + 1}"] = torque[:, k]
         noise = NOISE * rng.standard_normal(samples)
         table[f"joint_angle_{k + 1}"] = run.joint_angle.values[:, k] + noise

@@ -44,7 +44,7 @@ def state_of(arm, seed):
     elastic = modal_parts(arm)
     stiffness = np.sqrt(np.concatenate([piece.w2 for piece in arm.assembly.links]))
     q[elastic], qd[elastic] = 0.3 * q[elastic] / stiffness, 0.3 * qd[elastic]
-    return q, qd, rng.normal(size=arm.joints)
+    return q, qd, rng.normal(size=arm.n_joints)
 
 
 @pytest.mark.parametrize("theory", ["linear", "second_order"])

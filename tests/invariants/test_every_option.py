@@ -86,7 +86,7 @@ def test_exact_derivatives_equal_differences(seed):
     exact = b.arm.derivatives(b.q, b.qd, b.torque, *acting)
     rng = np.random.default_rng(seed)
     dq, dqd = rng.normal(size=(2, b.arm.dof)) * 1e-3
-    dtorque = rng.normal(size=b.arm.joints)
+    dtorque = rng.normal(size=b.arm.n_joints)
 
     def moved(h):
         state = b.q + h * dq, b.qd + h * dqd

@@ -62,7 +62,7 @@ def test_rigid_model_has_the_same_mass_matrix(theory):
     rigid_counterpart = arm.rigid()
     angles, rates = np.array([0.7, -1.1]), np.array([1.3, -0.4])
     q, qd = arm.rest(angles), arm.rest(rates)
-    assert rigid_counterpart.dof == rigid_counterpart.joints == 2
+    assert rigid_counterpart.dof == rigid_counterpart.n_joints == 2
     # For a straight arm without bending, both are equal.
     np.testing.assert_allclose(
         arm.mass_matrix(q)[np.ix_(arm.joint_index, arm.joint_index)],

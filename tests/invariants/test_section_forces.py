@@ -26,7 +26,7 @@ def root_and_tip_angles(arm, q):
     root = channels_of(arm, state[None])["link_angle"][0]
     joints = arm.joint_angles(q)
     tip = np.append(root[1:] - joints[1:], 0.0)
-    last = arm.assembly.pieces_of(arm.joints - 1)
+    last = arm.assembly.pieces_of(arm.n_joints - 1)
     tip[-1] = root[-1] + sum(piece.shapes.dP @ q[piece.modal] for piece in last)
     return root, tip
 

@@ -41,13 +41,13 @@ def test_locking_a_joint_raises_every_frequency(seed):
 @given(seeds)
 def test_modes_are_the_eigenvalues_of_mass_and_stiffness(seed):
     d = drawn(seed, gravity=False, damping=False)
-    every = list(range(d.arm.joints))
+    every = list(range(d.arm.n_joints))
     for joints, locked in (("locked", every), ("free", [])):
         modes = fa.modes(d.arm, d.state.angles, joints=joints)
         wanted = squared_frequencies(d.arm, d.state.angles, locked)
         assert modes.shapes.shape == (wanted.size, d.arm.dof)
         if wanted.size:
-            few = slice(0, 3 + d.arm.joints)
+            few = slice(0, 3 + d.arm.n_joints)
             np.testing.assert_allclose(
                 modes.squared_frequency[few],
                 wanted[few],
@@ -95,14 +95,14 @@ def test_static_sag_does_not_depend_on_the_cuts():
     deflections = []
     for arm in (whole, cut):
         elastic = modal_parts(arm)
-        q = arm.rest(np.zeros(arm.joints))
+        q = arm.rest(np.zeros(arm.n_joints))
         # The straight arm is horizontal; linear statics about it.
         weight = arm.bias_force(q, np.zeros(arm.dof))[elastic]
         level = changed(arm, gravity=(0.0, 0.0))
         K = level.stiffness_matrix(q)[np.ix_(elastic, elastic)]
         q[elastic] = np.linalg.solve(K, -weight)
         # First-order displacement of the tip: velocity of a straight arm.
-        deflections.append(arm.tip_velocity(arm.rest(np.zeros(arm.joints)), q)[1:])
+        deflections.append(arm.tip_velocity(arm.rest(np.zeros(arm.n_joints)), q)[1:])
     w, EI = 0.7, 3.0
     np.testing.assert_allclose(deflections[0], [-w / (8 * EI), -w / (6 * EI)], rtol=1e-12)
     np.testing.assert_allclose(deflections[1], deflections[0], rtol=1e-12)
@@ -122,8 +122,8 @@ def test_reciprocity_across_links(seed):
     jacobian = np.array([level.tip_velocity(q, unit) for unit in np.eye(d.arm.dof)]).T
     points = np.concatenate([np.eye(d.arm.dof)[d.arm.joint_index], jacobian])
     answers = [
-        level.forward_dynamics(q, zero, load[: d.arm.joints], load[d.arm.joints :])
-        for load in np.eye(d.arm.joints + 3)
+        level.forward_dynamics(q, zero, load[: d.arm.n_joints], load[d.arm.n_joints :])
+        for load in np.eye(d.arm.n_joints + 3)
     ]
     flexibility = points @ np.array(answers).T
     scale = np.sqrt(np.outer(np.diag(flexibility), np.diag(flexibility)))

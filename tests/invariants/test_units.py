@@ -398,8 +398,8 @@ def test_loops_with_default_arguments_are_the_same_for_arms_of_any_size(name):
 def test_random_arms_take_the_same_steps_in_other_units(seed):
     rng = np.random.default_rng(seed)
     arm = fa.Arm(random_spec(rng, reduced=True))
-    q, rates = arm.rest(rng.normal(size=arm.joints)), np.zeros(arm.dof)
-    rates[arm.joint_index] = rng.normal(size=arm.joints)
+    q, rates = arm.rest(rng.normal(size=arm.n_joints)), np.zeros(arm.dof)
+    rates[arm.joint_index] = rng.normal(size=arm.n_joints)
     usual = fa.simulate(arm, 0.1, initial=q, initial_rate=rates, rate=100.0)
     for units in (*OTHERS, Units(1e3, 1e-3, 1.0)):  # the last: millimetres, newtons, tonnes
         other = fa.simulate(

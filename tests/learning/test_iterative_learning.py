@@ -13,7 +13,7 @@ def bench(arm, motion, controller, interval, output="tip", plant=None, **options
     """Return trials and the lifted model of one without added torque."""
     window = window_of(arm, motion, controller, None, interval)
     trials = Bench(arm, motion, window, output, plant, None, None, options)
-    none = AddedTorque(controller, np.zeros((window.intervals, arm.joints)), window.interval)
+    none = AddedTorque(controller, np.zeros((window.intervals, arm.n_joints)), window.interval)
     return trials, none, trials.model(none)
 
 

@@ -20,7 +20,7 @@ ARMS = {
 @pytest.mark.parametrize("name", ARMS)
 def test_an_optimal_motion_ends_at_rest(name: str) -> None:
     arm = ARMS[name]
-    first, last = np.zeros(arm.joints), np.linspace(0.1, 0.3, arm.joints)
+    first, last = np.zeros(arm.n_joints), np.linspace(0.1, 0.3, arm.n_joints)
     limits = fa.MotionLimits(torque=40.0)
     found = fa.optimal_motion(arm, first, last, "energy", limits=limits, duration=0.8)
     start = fa.equilibrium(arm, first).q
@@ -37,7 +37,7 @@ def test_an_optimal_motion_ends_at_rest(name: str) -> None:
 @pytest.mark.parametrize("name", ARMS)
 def test_learning_reduces_the_error(name: str) -> None:
     arm = ARMS[name]
-    motion = fa.joint_motion(arm, np.zeros(arm.joints), np.linspace(0.1, 0.3, arm.joints), 0.5)
+    motion = fa.joint_motion(arm, np.zeros(arm.n_joints), np.linspace(0.1, 0.3, arm.n_joints), 0.5)
     gains = ([300.0, 8.0], [40.0, 1.0]) if name == "gantry" else (8.0, 1.0)
     learned = fa.iterative_learning(arm, motion, fa.JointPD(*gains), trials=4)
     assert learned.error_rms[-1] < 0.1 * learned.error_rms[0]

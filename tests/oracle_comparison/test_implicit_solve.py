@@ -77,7 +77,7 @@ def test_solves_the_dense_equations_with_every_option(seed, reduced):
     rng = np.random.default_rng(seed)
     added = random_diagonal(rng, d.arm.dof, 1e2)
     force = rng.normal(size=d.arm.dof)
-    torque = rng.normal(size=d.arm.joints)
+    torque = rng.normal(size=d.arm.n_joints)
     assert miss(d.arm, d.q, d.qd, added, force, torque) < 1e-9  # as above
 
 

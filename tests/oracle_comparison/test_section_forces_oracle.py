@@ -19,7 +19,7 @@ def case(seed):
     """Return a random arm, and its motion in the coordinates of the package and of the oracle."""
     b = busy(seed, theory=["linear", "second_order"][seed % 2])
     rng = np.random.default_rng(seed)
-    speeding = rng.normal(size=b.arm.joints) * 5.0, bent(rng, b.arm.spec, 1.0)
+    speeding = rng.normal(size=b.arm.n_joints) * 5.0, bent(rng, b.arm.spec, 1.0)
     oracle = LagrangianOracle(b.arm.spec)
     pairs = [
         (b.state.angles, b.state.nodal),

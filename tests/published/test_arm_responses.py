@@ -104,7 +104,7 @@ def linear_statics(arm):
     """Return first-order nodal values and tip of the horizontal arm under its weight, joints
     locked."""
     elastic = modal_parts(arm)
-    straight = arm.rest(np.zeros(arm.joints))
+    straight = arm.rest(np.zeros(arm.n_joints))
     load = -arm.bias_force(straight, np.zeros(arm.dof))
     level = fa.Arm(arm.spec.model_copy(update={"gravity": (0.0, 0.0)}))
     K = level.stiffness_matrix(straight)

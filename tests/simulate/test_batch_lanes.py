@@ -34,8 +34,8 @@ def compare(arm, starts, runs, **how):
 def test_random_arms(seed, how):
     rng = np.random.default_rng(seed)
     arm = fa.Arm(random_spec(rng, links=int(rng.integers(1, 4)), elements=1))
-    starts = [arm.rest(rng.uniform(-1.0, 1.0, arm.joints)) for _ in range(10)]
-    how = {"torque": 0.2 * rng.normal(size=(6, arm.joints)), "rate": 300.0, **how}
+    starts = [arm.rest(rng.uniform(-1.0, 1.0, arm.n_joints)) for _ in range(10)]
+    how = {"torque": 0.2 * rng.normal(size=(6, arm.n_joints)), "rate": 300.0, **how}
     try:
         compare(arm, starts, (0, 9), duration=0.02, **how)
     except fa.SimulationError:  # steps that are too long for a stiff arm

@@ -23,7 +23,7 @@ from oracles.mechanisms import oracle_of
 def start(mechanism: Closed, crank_rate: float) -> tuple[fa.Arm, dict[str, Any]]:
     """The arm and the start of a run with straight links and a rate of the first joint."""
     arm = fa.Arm(**mechanism.fields)
-    rates = np.zeros(arm.joints)
+    rates = np.zeros(arm.n_joints)
     rates[0] = crank_rate
     state = fa.assembled(arm, arm.rest(mechanism.joints), arm.rest(rates), held=[1])
     return arm, {"initial": state.q, "initial_rate": state.qd}
@@ -88,7 +88,7 @@ def test_momentum_of_two_arms_on_a_free_base_is_kept() -> None:
             duration=1.0,
             initial=state.q,
             initial_rate=state.qd,
-            torque=lambda t: np.sin(3.0 * t) * np.array([0.3, -0.2, 0.1, 0.1])[: arm.joints],
+            torque=lambda t: np.sin(3.0 * t) * np.array([0.3, -0.2, 0.1, 0.1])[: arm.n_joints],
             **options,
         )
         samples = zip(run.q.values[::10], run.qd.values[::10], strict=True)
@@ -154,7 +154,7 @@ def test_reactions_of_a_run_contain_closure_forces(station: float | None) -> Non
         mechanism = Closed({**mechanism.fields, **fields}, angles)
     arm, first = start(mechanism, 2.0)
     last = fa.simulate(arm, duration=0.05, **first).isel(time=-1)
-    q, qd, still = last.q.values, last.qd.values, np.zeros(arm.joints)
+    q, qd, still = last.q.values, last.qd.values, np.zeros(arm.n_joints)
     exact = oracle_of(arm).moving(q, qd, still)
     # Rounding of accelerations, whose mass matrix has a condition of 1e4 to 1e5.
     scale = np.abs(exact.joint_force).max()

@@ -30,7 +30,7 @@ def measured_ratio(times, signal):
 def ring(arm, mode, prescribed, periods=8.0):
     """Return times and coordinate of the free vibration of one mode."""
     promised = fa.modes(arm)
-    start = arm.rest(np.zeros(arm.joints)) + 1e-3 * promised.shapes[mode]
+    start = arm.rest(np.zeros(arm.n_joints)) + 1e-3 * promised.shapes[mode]
     frequency = promised.frequency_hz[mode]
     result = fa.simulate(
         arm,

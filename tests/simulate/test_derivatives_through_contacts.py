@@ -96,8 +96,8 @@ def test_random_arms(seed):
     )
     arm = fa.Arm(spec)
     rate = np.zeros(arm.dof)
-    rate[arm.joint_index] = rng.uniform(0.5, 2.0, arm.joints) * rng.choice([-1.0, 1.0])
-    case = {"initial": arm.rest(rng.uniform(-1.0, 1.0, arm.joints)), "rate": 200.0}
+    rate[arm.joint_index] = rng.uniform(0.5, 2.0, arm.n_joints) * rng.choice([-1.0, 1.0])
+    case = {"initial": arm.rest(rng.uniform(-1.0, 1.0, arm.n_joints)), "rate": 200.0}
     free = fa.simulate(arm, 0.1, initial_rate=rate, **case)
     tip, velocity = free["tip"].values[-1], free["tip_velocity"].values[-1]
     speed = np.linalg.norm(velocity)

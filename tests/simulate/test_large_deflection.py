@@ -73,7 +73,7 @@ def test_warning_depends_on_the_largest_deflection_of_the_run():
     ids=["less", "second order", "segments", "rigid"],
 )
 def test_small_deflections_give_no_warning(of, deflection):
-    if of.joints == 1:
+    if of.n_joints == 1:
         result = fa.simulate(of, 0.01)
     else:
         result = bent(of, deflection)

@@ -15,7 +15,7 @@ ARMS = {"branches": FORK, "sliding joints": SLIDE, "a free base": CART}
 
 
 def _motion(arm):
-    return fa.joint_motion(arm, np.zeros(arm.joints), np.full(arm.joints, 0.2), 1.0)
+    return fa.joint_motion(arm, np.zeros(arm.n_joints), np.full(arm.n_joints, 0.2), 1.0)
 
 
 GAUGES = [fa.Instrument("joint_angle")]
@@ -40,7 +40,7 @@ OF_BASES_ALONE = {
 }
 OF_BASES = {
     "optimal_motion": lambda arm: fa.optimal_motion(
-        arm, np.zeros(arm.joints), np.full(arm.joints, 0.2), duration=1.0
+        arm, np.zeros(arm.n_joints), np.full(arm.n_joints, 0.2), duration=1.0
     ),
     "iterative_learning": lambda arm: fa.iterative_learning(
         arm, _motion(arm), fa.JointPD(1.0, 1.0)

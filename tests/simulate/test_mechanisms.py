@@ -47,7 +47,7 @@ def _state(arm, seed=0, modal=0.003):
     return (
         rng.normal(size=arm.dof) * size,
         rng.normal(size=arm.dof) * size,
-        rng.normal(size=arm.joints),
+        rng.normal(size=arm.n_joints),
     )
 
 
@@ -60,7 +60,7 @@ def _close(value, expected, within=1e-11):
 def test_two_arms_on_a_fixed_base_are_two_arms(theory):
     tree, first, second = _pair(theory)
     q, qd, torque = _state(tree)
-    n, m = first.dof, first.joints
+    n, m = first.dof, first.n_joints
     parts = [(first, q[:n], qd[:n], torque[:m]), (second, q[n:], qd[n:], torque[m:])]
     loads = [fa.Load(link=2, force=(1.0, 2.0), station=0.5), fa.Load(link=3, force=(0.0, 1.0))]
     of_parts = [[loads[0]], [fa.Load(link=1, force=(0.0, 1.0))]]
@@ -94,7 +94,7 @@ def test_linear_models_of_two_arms_are_those_of_each():
     n = first.dof
     whole, part = fa.linearize(tree, q=q), fa.linearize(first, q=q[:n])
     _close(whole.A[tree.dof : tree.dof + n, :n], part.A[n:, :n])
-    _close(whole.B[tree.dof : tree.dof + n, : first.joints], part.B[n:, : first.joints])
+    _close(whole.B[tree.dof : tree.dof + n, : first.n_joints], part.B[n:, : first.n_joints])
 
 
 def test_runs_of_two_arms_are_those_of_each():

@@ -45,12 +45,12 @@ def test_controllers_for_another_number_of_joints_are_rejected(controller):
 
 def test_one_gain_for_all_joints_fits_every_arm(arm):
     for model in (arm, arm_of(1)):
-        start = model.rest(np.full(model.joints, 0.1))
-        hold = fa.joint_motion(model, np.zeros(model.joints), np.zeros(model.joints), 1.0)
+        start = model.rest(np.full(model.n_joints, 0.1))
+        hold = fa.joint_motion(model, np.zeros(model.n_joints), np.zeros(model.n_joints), 1.0)
         result = fa.simulate(
             model, 0.01, controller=fa.JointPD(2.0, 1.0), reference=hold, initial=start
         )
-        np.testing.assert_allclose(result.torque[0], np.full(model.joints, -0.2), rtol=1e-12)
+        np.testing.assert_allclose(result.torque[0], np.full(model.n_joints, -0.2), rtol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ _LOW = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60, 4: 0.0}
 
 
 def a_start(arm, rng):
-    q = arm.rest(rng.uniform(-1.0, 1.0, arm.joints))
+    q = arm.rest(rng.uniform(-1.0, 1.0, arm.n_joints))
     return q + 0.002 * rng.normal(size=arm.dof), 0.05 * rng.normal(size=arm.dof)
 
 
@@ -41,7 +41,7 @@ def scaling_paths(arm):
 def test_random_arms_against_complex_steps(method, seed):
     rng = np.random.default_rng(seed)
     arm = fa.Arm(random_spec(rng, links=2, elements=2, reduced=seed == 2))
-    (q, qd), torque = a_start(arm, rng), rng.normal(size=arm.joints)
+    (q, qd), torque = a_start(arm, rng), rng.normal(size=arm.n_joints)
     duration = 0.02
     step = 0.5 / fa.modes(arm).frequency_hz[-1] / 2 / np.pi if method == "rk4" else None
     given = {"integrator": method, "step": step}
@@ -186,7 +186,7 @@ def bench():
         [
             0.4,
             -0.6,
-        ][: arm.joints]
+        ][: arm.n_joints]
     )
     load = fa.Load(link=1, force=(1.0, -2.0), station=0.3, factor=([0.0, 0.05], [0.0, 1.0]))
     given = {

@@ -85,7 +85,7 @@ def test_random_arms_at_rest_stay_at_rest(seed):
     rng = np.random.default_rng(seed)
     spec = random_spec(rng, gravity=True)
     arm = fa.Arm(spec)
-    rest = fa.equilibrium(arm, rng.uniform(-1.0, 1.0, arm.joints))
+    rest = fa.equilibrium(arm, rng.uniform(-1.0, 1.0, arm.n_joints))
 
     def rubbing(factor):
         held = iter(np.abs(rest.torque) * factor)
@@ -185,7 +185,7 @@ def test_energy_is_lost_alone(seed):
     ]
     arm = fa.Arm(spec.replace(joints=joints))
     start = rng.normal(size=arm.dof)
-    result = fa.simulate(arm, 0.1, initial=arm.rest(np.zeros(arm.joints)), initial_rate=start,
+    result = fa.simulate(arm, 0.1, initial=arm.rest(np.zeros(arm.n_joints)), initial_rate=start,
                          rate=5000, rtol=1e-9, atol=1e-11)  # fmt: skip
     energy = (result.kinetic_energy + result.strain_energy).values
     # The error of the integrator, over some hundred steps.

@@ -74,7 +74,7 @@ def drawn(seed, factor):
         if all(link.flexural_rigidity is not None for link in spec.links):
             break
     arm, size = stiffened(spec, factor), rng.uniform(1.0, 5.0, len(spec.links))
-    start = arm.rest(rng.uniform(-1.0, 1.0, arm.joints))
+    start = arm.rest(rng.uniform(-1.0, 1.0, arm.n_joints))
     return arm, {"initial": start, "torque": lambda t: size * np.sin(2.0 * np.pi * t)}
 
 

@@ -131,7 +131,7 @@ def _law_from_start(samples: ProgrammedSamples) -> SampledLaw:
     # Of the numbers of the sample at which the law was recorded, only the constants remain.
     for places in (program.code[:, 1], program.readings, program.inputs):
         program.numbers[places] = 0.0
-    commands, counts = np.zeros((count, loop.run.arm.joints)), np.array([0, count, 0, REFUSED])
+    commands, counts = np.zeros((count, loop.run.arm.n_joints)), np.array([0, count, 0, REFUSED])
     span = np.array([loop.sample_time, loop.end])
     sensors = samples._sensors
     return SampledLaw(program, *sensors, inputs, commands, counts, samples._small, span)

@@ -46,7 +46,7 @@ def tip_load(arm: Coordinates, tip_force: ArrayLike | None) -> list[Load]:
     size = force.size if force.size in (2, 3) else 3
     force = check_array("tip_force", force, (size,))
     moment = float(force[2]) if size == 3 else 0.0
-    return [Load(link=arm.links, force=tuple(force[:2].tolist()), moment=moment)]
+    return [Load(link=arm.n_links, force=tuple(force[:2].tolist()), moment=moment)]
 
 
 def marker(link: int, station: float | None) -> Load:
@@ -187,7 +187,7 @@ def _integrals(
 
 def point_of(arm: Coordinates, contact: Contact) -> Load:
     """Return the point of a contact on an arm, as a load of zero."""
-    return marker(arm.links if contact.link is None else contact.link, contact.station)
+    return marker(arm.n_links if contact.link is None else contact.link, contact.station)
 
 
 def place_contacts(arm: Coordinates, contacts: Sequence[Contact]) -> Contacts:

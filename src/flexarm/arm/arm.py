@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.actions import Environment
 from flexarm.arm.assembly.assemble import FloatArray, table_error
+from flexarm.arm.assembly.coordinates import check_state
 from flexarm.arm.dynamics import Dynamics
 from flexarm.arm.stations import (
     MOST_STATIONS,
@@ -140,7 +141,7 @@ class Arm(Dynamics):
 
     def __repr__(self) -> str:
         theory = self.spec.theory
-        return f"<flexarm.Arm: {self.links} links, {self.dof} coordinates, {theory} theory>"
+        return f"<flexarm.Arm: {self.n_links} links, {self.dof} coordinates, {theory} theory>"
 
     def _repr_html_(self) -> str:
         heads = ("", "length (m)", "flexural rigidity (N m²)", "mass per length (kg/m)", "modes")
@@ -174,8 +175,11 @@ class Arm(Dynamics):
 
     @public_call
     def tip(self, q: ArrayLike) -> FloatArray:
-        """Return x, y (m) and angle (rad) of the last tip in world axes, (3,)."""
-        return self._poses(q)[2][:3]
+        """Return x, y (m) and angle (rad) of the last tip in world axes, (3,).
+
+        ``q`` (dof,), or joint angles (joints,) of straight links.
+        """
+        return self._poses(check_state(self, "q", q))[2][:3]
 
     @public_call
     def tip_velocity(self, q: ArrayLike, qd: ArrayLike) -> FloatArray:
@@ -187,7 +191,8 @@ class Arm(Dynamics):
         """Return points of the neutral axis in world axes: (links, stations, 2) m.
 
         The stations divide each link evenly, including root and tip. With the second-order
-        theory each point also moves back along the root tangent as the link shortens.
+        theory each point also moves back along the root tangent as the link shortens. ``q`` (dof,),
+        or joint angles (joints,) of straight links.
 
         Raises:
             InputError: if ``q`` has the wrong shape or is not finite, or there are fewer than two
@@ -201,8 +206,8 @@ class Arm(Dynamics):
             if count <= MOST_STATIONS:  # more would occupy much memory
                 self._placed = kept
         placed = kept[1]
-        state, body_poses, _ = self._poses(q)
-        points = np.zeros((self.links * stations, 2))
+        state, body_poses, _ = self._poses(check_state(self, "q", q))
+        points = np.zeros((self.n_links * stations, 2))
         axis_points(
             self._sizes,
             state,
@@ -213,7 +218,7 @@ class Arm(Dynamics):
             placed.shortening,
             points,
         )
-        return points.reshape(self.links, stations, 2)
+        return points.reshape(self.n_links, stations, 2)
 
     @public_call
     def motor_torque(self, voltage: ArrayLike, rate: ArrayLike | None = None) -> FloatArray:
@@ -229,7 +234,7 @@ class Arm(Dynamics):
                 shapes are wrong.
         """
         turning = [(seat.link, self.spec.joints[seat.link]) for seat in self.assembly.seats]
-        voltage = check_last_axes("voltage", voltage, (self.joints,))
+        voltage = check_last_axes("voltage", voltage, (self.n_joints,))
         bare = np.array([joint.winding is None for _, joint in turning])
         driven = np.any(voltage != 0.0, axis=tuple(range(voltage.ndim - 1)))
         problems = [
@@ -241,7 +246,7 @@ class Arm(Dynamics):
         torque = np.array([joint.torque_per_voltage for _, joint in turning]) * voltage
         if rate is None:
             return np.asarray(torque)
-        rate = check_last_axes("rate", rate, (self.joints,))
+        rate = check_last_axes("rate", rate, (self.n_joints,))
         return np.asarray(torque - np.array([joint.braking for _, joint in turning]) * rate)
 
     @public_call

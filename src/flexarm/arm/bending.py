@@ -118,7 +118,7 @@ def _paths(arm: Arm) -> list[tuple[list[int], list[float]]]:
     # A rotated link also displaces everything beyond its tip.
     spec = arm.spec
     paths = []
-    for end in sorted(set(range(arm.links)) - set(spec.parents)):
+    for end in sorted(set(range(arm.n_links)) - set(spec.parents)):
         path, beyond, there = [end], [0.0], 0.0
         while (carrier := spec.parents[path[0]]) >= 0:
             there += math.hypot(*spec.joints[path[0]].offset) + spec.links[path[0]].reach

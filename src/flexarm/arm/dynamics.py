@@ -40,7 +40,7 @@ class Dynamics(Coordinates):
         super().__init__(spec, assemble(spec))
         a = self.assembly
         self._unloaded = no_loads(a.constants)
-        self._vector, self._torques = (self.dof,), (self.joints,)
+        self._vector, self._torques = (self.dof,), (self.n_joints,)
         self._kernels = Pool(lambda: KernelView(a.constants))
         self._forward = Pool(lambda: Scratch(a, (a.bodies,), a.joint_body))
         self._inverse = Pool(lambda: Scratch(a, (a.bodies, 1 + a.modes), a.coordinates))

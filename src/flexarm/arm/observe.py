@@ -175,7 +175,7 @@ def _base_motion(arm: Arm, coordinates: FloatArray) -> FloatArray:
 
 def _twists(arm: Arm, q: FloatArray) -> FloatArray:
     """Return the twist of each joint's spring (samples, joints), rad; zero without a spring."""
-    twists = np.zeros((len(q), arm.joints), dtype=q.dtype)
+    twists = np.zeros((len(q), arm.n_joints), dtype=q.dtype)
     for k, seat in enumerate(arm.assembly.seats):
         if seat.twist is not None:
             twists[:, k] = q[:, seat.twist]
@@ -188,8 +188,8 @@ def _link_tips(arm: Arm, poses: FloatArray) -> FloatArray:
     # several pieces the slopes are added, and the deflection is the distance of the tip from the
     # line of the root tangent.
     assembly = arm.assembly
-    bent = np.empty((len(poses), arm.links, 4), dtype=poses.dtype)
-    for i in range(arm.links):
+    bent = np.empty((len(poses), arm.n_links, 4), dtype=poses.dtype)
+    for i in range(arm.n_links):
         pieces = assembly.pieces_of(i)
         first, last = pieces[0].body, pieces[-1].body
         if first == last:

@@ -42,7 +42,7 @@ def place_stations(arm: Coordinates, count: int) -> layout.Stations:
     """Divide each link evenly by ``count`` stations, including root and tip: (links * count,)."""
     # A station between two segments is the tip of the inboard one.
     m, g = arm.assembly.modes, arm.assembly.constants.D0.shape[1]
-    total = arm.links * count
+    total = arm.n_links * count
     placed = layout.Stations(
         body=np.zeros(total, dtype=np.intp),
         x=np.zeros(total),
@@ -134,7 +134,7 @@ def forces_at(
     contains ``loads`` in it; ``work`` contains the results of ``inverse_dynamics`` for all of
     these.
     """
-    forces, owners = np.zeros((len(cuts), arm.links, 3)), parts_of(arm, loads)
+    forces, owners = np.zeros((len(cuts), arm.n_links, 3)), parts_of(arm, loads)
     for cut, values in zip(cuts, forces, strict=True):
         kept = loads_inboard(arm, owners, placed, cut.reach)
         section_forces(

@@ -19,6 +19,7 @@ from flexarm.base.errors import (
     Problem,
     check_array,
     nearest,
+    one_of,
     shown,
     warn_caller,
 )
@@ -204,8 +205,8 @@ def check_choice(name: str, value: object, choices: Collection[str]) -> str:
     """Return the value if it is one of the allowed words."""
     if isinstance(value, str) and value in choices:
         return value
-    rule = "be one of " + ", ".join(map(repr, choices))
-    raise InputError(Problem(name, rule, shown(value), nearest(value, choices)))
+    rule, hint = one_of(value, choices)
+    raise InputError(Problem(name, rule, shown(value), hint))
 
 
 def check_options(options: Iterable[str], known: Collection[str], function: str) -> None:

@@ -55,6 +55,8 @@ _SYNONYMS = {
     "rhoa": "mass_per_length",
 }
 
+_FEW = 8  # choices that a rule lists
+NAMES = "They are "  # beginning of a list of choices in a hint
 _MOST_LINES = 50  # maximum number of lines of a message; `problems` contains all
 
 
@@ -112,6 +114,20 @@ def nearest(word: object, known: Iterable[str]) -> str:
     """Return a sentence with the choice most similar to `word`, or an empty string."""
     near = suggestion(word, known) if isinstance(word, str) else ""
     return near if near.startswith("Did") else ""
+
+
+def one_of(value: object, choices: Collection[str], before: str = "") -> tuple[str, str]:
+    """Return the rule of a choice and a hint; a long list of names follows the most similar one.
+
+    Args:
+        value: the value that is none of the ``choices``.
+        choices: allowed words.
+        before: another kind of allowed value, such as "a Sensor or ".
+    """
+    near, names = nearest(value, choices), ", ".join(map(repr, choices))
+    if len(choices) <= _FEW:
+        return f"be {before}one of {names}", near
+    return f"be {before}one of {len(choices)} names", f"{near} {NAMES}{names}.".lstrip()
 
 
 def with_nearest(error: AttributeError, name: str, known: Iterable[str]) -> AttributeError:

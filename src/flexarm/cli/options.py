@@ -85,15 +85,15 @@ def comma_separated(text: str) -> list[str]:
 def joint_numbers(name: str, arm: Arm, text: str | None, unit: str) -> list[float]:
     """Parse one finite number for each joint, separated by commas; return zeros for None."""
     if text is None:
-        return [0.0] * arm.joints
+        return [0.0] * arm.n_joints
     try:
         values = [float(number) for number in text.split(",")]
     except ValueError:
         values = []
-    if not arm.joints:
+    if not arm.n_joints:
         raise InputError(Problem(name, "is not supported for an arm whose joints are all fixed"))
-    if len(values) != arm.joints or not all(math.isfinite(value) for value in values):
-        rule = f"be {arm.joints} numbers separated by commas, one for each joint ({unit})"
+    if len(values) != arm.n_joints or not all(math.isfinite(value) for value in values):
+        rule = f"be {arm.n_joints} numbers separated by commas, one for each joint ({unit})"
         raise InputError(Problem(name, rule, shown(text)))
     return values
 

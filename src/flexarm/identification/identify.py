@@ -296,10 +296,10 @@ def _check_method(method: str, torque_noise: Any, loss: str, arm: Arm) -> FloatA
         raise InputError(Problem("loss", f"{loss} cannot be combined with prediction_error"))
     if torque_noise is None:
         return None
-    deviations = arguments.check_each("torque_noise", torque_noise, arm.joints)
+    deviations = arguments.check_each("torque_noise", torque_noise, arm.n_joints)
     if np.any(deviations < 0.0):
         raise InputError(Problem("torque_noise", "not be negative", shown(torque_noise)))
-    return np.broadcast_to(deviations, arm.joints).copy()
+    return np.broadcast_to(deviations, arm.n_joints).copy()
 
 
 def _check_rates(runs: Sequence[RecordRun]) -> None:

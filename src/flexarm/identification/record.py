@@ -155,7 +155,7 @@ def place_of(arm: Arm, label: Label) -> int:
         return ["x", "y"].index(str(label.part))
     known = {
         "joint": arm.joint_numbers.tolist(),
-        "link": list(range(1, arm.links + 1)),
+        "link": list(range(1, arm.n_links + 1)),
         "gauge": list(range(1, len(arm.gauges) + 1)),
     }[dims[0]]
     if label.part not in known:

@@ -61,7 +61,7 @@ class RecordRun:
         self._places = [place_of(arm, label) for label in self.labels]
         self.channels = list(dict.fromkeys(label.channel for label in self.labels))
         #: Inputs (samples, joints), in their unit.
-        self.samples = np.zeros((times.size, arm.joints))
+        self.samples = np.zeros((times.size, arm.n_joints))
         for label, column in record.inputs.items():
             self.samples[:, place_of(arm, label)] = column
         self.joint_numbers = arm.joint_numbers.tolist()
@@ -83,8 +83,8 @@ class RecordRun:
             hint = "A winding is that of a motor driven by a voltage."
             problems.append(Problem("input", "is current, but a joint has a winding", hint=hint))
         angle = self.record.settings.initial_angle
-        if angle is not None and len(angle) != arm.joints:
-            rule = f"have one angle for each of the {arm.joints} joints"
+        if angle is not None and len(angle) != arm.n_joints:
+            rule = f"have one angle for each of the {arm.n_joints} joints"
             problems.append(Problem("initial_angle", rule, str(len(angle))))
         if problems:
             raise InputError(*(replace(p, where=self.name) for p in problems))
@@ -241,10 +241,10 @@ class RecordRun:
     def _torque(self, case: Case, drive: PiecewiseCubic | None = None) -> PiecewiseCubic:
         drive = drive or self._drive
         if self.record.input == "voltage":
-            constant = Arm(case.spec).motor_torque(np.ones(self._arm.joints))
+            constant = Arm(case.spec).motor_torque(np.ones(self._arm.n_joints))
         elif self.record.input == "current":
             assert case.motors is not None
-            constant = np.broadcast_to(np.asarray(case.motors.torque_constant), self._arm.joints)
+            constant = np.broadcast_to(np.asarray(case.motors.torque_constant), self._arm.n_joints)
         else:
             return drive
         return replace(drive, coefficients=drive.coefficients * constant)

@@ -220,7 +220,7 @@ def start_angles(arm: Arm, record: MeasuredRecord) -> FloatArray:
     """Return the joint angles (joints,) at the start, before estimated changes."""
     if record.settings.initial_angle is not None:
         return np.array(record.settings.initial_angle)
-    angles = np.zeros(arm.joints)
+    angles = np.zeros(arm.n_joints)
     if "joint_angle" in record.data:
         for label, column in columns_of(record.data, ["joint_angle"]).items():
             angles[place_of(arm, label)] = column[np.isfinite(column)][0]

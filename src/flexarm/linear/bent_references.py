@@ -7,7 +7,7 @@ Quasi-static: links bend statically under inertia and gravity, with the tip on i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -300,8 +300,8 @@ class _Search:
         self._slow = _SLOW * fastest or 1.0  # without motion the speed is zero
         self._close = _CLOSE * arm.reach
         self._q: FloatArray | None = None
-        self._beside = np.zeros(arm.joints)
-        self._drift = np.zeros(arm.joints)  # its change between two times
+        self._beside = np.zeros(arm.n_joints)
+        self._drift = np.zeros(arm.n_joints)  # its change between two times
 
     def at(self, t: float, force: float, normal: FloatArray) -> PressedPosture:
         """Return the equilibrium at time t (s) under a force (N) along a normal (2,)."""
@@ -314,7 +314,7 @@ class _Search:
         angle, desired = rigid + self._beside + self._drift, motion.tip(t)
         J = tip_jacobian(motion.chain.lengths, angle + motion.chain.offset)
         way = np.asarray(np.linalg.pinv(J, rcond=1e-6), dtype=np.float64)
-        step, before = np.zeros(arm.joints), np.zeros(2)
+        step, before = np.zeros(arm.n_joints), np.zeros(2)
         for _ in range(_CORRECTIONS):
             if self._q is None:
                 rest = equilibrium(arm, angle, tip_force=on_tip)
@@ -360,7 +360,7 @@ _SMALL = 0.2
 _SHARE = 0.25
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class QuasiStaticReference(DerivedMotion):
     """Joint angles that keep the tip of a flexible arm on a motion, and the torques for them.
 
@@ -373,12 +373,12 @@ class QuasiStaticReference(DerivedMotion):
         order: 1, or 2 if the accelerations of the bending bend the links, too.
     """
 
-    arm: Arm = field(repr=False)
+    arm: Arm
     smoothing: float
     order: int
-    _moving: Motion = field(repr=False)  # its rates and accelerations bend the links
-    _window: tuple[float, ...] = field(repr=False)
-    _bends: tuple[BSpline, ...] = field(repr=False)  # before, between two breaks each, after
+    _moving: Motion  # its rates and accelerations bend the links
+    _window: tuple[float, ...]
+    _bends: tuple[BSpline, ...]  # before, between two breaks each, after
 
     def _times(self) -> tuple[float, float]:
         start = self._moving.start_time - 0.5 * self.smoothing
@@ -505,7 +505,7 @@ def quasi_static_reference(
     """
     order = check_count("order", order, most=2)
     motion = check_motion(motion, arm)
-    if arm.dof == arm.joints:
+    if arm.dof == arm.n_joints:
         raise InputError(Problem("arm", "is rigid"))
     constraint = TipConstraint(arm, motion)
     constraint.check()

@@ -44,12 +44,15 @@ from pydantic import (
     model_validator,
 )
 
-from flexarm.base.errors import InputError, ModelError
+from flexarm.base.errors import NAMES, InputError, ModelError, shown
+from flexarm.base.notebook import html_table
 from flexarm.model.quantities import Typed
 from flexarm.model.units import in_si, maps_names, unit_of
 from flexarm.model.wording import Fault, Path, worded
 
 _WIDTH = 92
+#: Characters of a record in a console, and rows of its table in a notebook.
+_REPR_WIDTH, _MOST_ROWS = 240, 40
 
 
 def field_texts(kind: type) -> dict[str, str]:
@@ -323,6 +326,22 @@ class Record(BaseModel, metaclass=RecordType):
         """Show only the fields that the user gave, not the defaults."""
         return ((k, v) for k, v in super().__repr_args__() if k in self.model_fields_set)
 
+    def __repr__(self) -> str:
+        """Return the call of the constructor, shortened if it would not fit into a few lines."""
+        text = super().__repr__()
+        if len(text) <= _REPR_WIDTH:
+            return text
+        fields = ", ".join(f"{name}={_short(value)}" for name, value in self.__repr_args__())
+        return f"{type(self).__name__}({fields})"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        rows = list(_leaves(self, ""))
+        if len(rows) > _MOST_ROWS:
+            rows[_MOST_ROWS:] = [(f"... and {len(rows) - _MOST_ROWS} more", "", "")]
+        return html_table(f"flexarm.{type(self).__name__}", ("field", "value", "unit"), rows)
+
     @model_validator(mode="wrap")
     @classmethod
     def _check_all(cls, data: Any, handler: ValidatorFunctionWrapHandler) -> Self:
@@ -364,10 +383,11 @@ def faults_of(error: ValidationError) -> list[Fault]:
 
 
 def _hinted(fault: Fault, hints: Mapping[str, str]) -> Fault:
-    """Return a fault with the hint of its field, if it has none and is directly at the field."""
-    if fault.hint or len(fault.path) != 1:
+    """Return a fault with the hint of its field, if it is directly at the field and has none."""
+    hint = hints.get(str(fault.path[0]), "") if len(fault.path) == 1 else ""
+    if not hint or not (fault.hint == "" or fault.hint.startswith(NAMES)):
         return fault
-    return Fault(fault.path, fault.rule, fault.value, hints.get(str(fault.path[0]), ""))
+    return Fault(fault.path, fault.rule, fault.value, f"{hint} {fault.hint}".rstrip())
 
 
 def _right_fields(
@@ -396,6 +416,30 @@ def unit_of_field(cls: type[Record], name: str) -> tuple[str, bool]:
     field = cls.model_fields.get(name)
     unit = unit_of(descriptions_of(cls).get(name, ""))
     return unit, field is not None and maps_names(field.annotation)
+
+
+def _short(value: object) -> str:
+    """Return a field of a long record in a few words."""
+    if isinstance(value, Record):
+        return f"{type(value).__name__}(...)"
+    if isinstance(value, tuple) and value and isinstance(value[0], Record):
+        rest = f" ... {len(value)} in all" if len(value) > 1 else ""
+        return f"({_short(value[0])},{rest})"
+    return shown(value)
+
+
+def _leaves(record: Record, path: str) -> Iterator[tuple[str, object, str]]:
+    """Yield the path, the value and the unit of each number or text that the user gave."""
+    for name, value in record.__repr_args__():
+        items = value if isinstance(value, tuple) else (value,)
+        if items and all(isinstance(item, Record) for item in items):
+            for i, item in enumerate(items):
+                place = f"{path}{name}[{i}]" if items is value else f"{path}{name}"
+                yield from _leaves(item, f"{place}.")
+        else:
+            unit = unit_of_field(type(record), str(name))[0]
+            text = value if isinstance(value, float | str) else shown(value)
+            yield f"{path}{name}", text, unit
 
 
 @cache

@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
 
-from flexarm.base.errors import Problem, shown
+from flexarm.base.errors import Problem, one_of, shown
 from flexarm.base.errors import nearest as nearest
 from flexarm.base.errors import suggestion as suggestion
 
@@ -80,10 +80,9 @@ def worded(details: ErrorDetails, data: object, known: Iterable[str]) -> Fault:
         # Without a tag list the tag is missing.
         if "tag" not in context:
             return Fault((*path, "kind"), "is missing")
-        choices = _choices(context["expected_tags"])
+        rule, hint = one_of(context["tag"], _choices(context["expected_tags"]))
         kind = value["kind"] if isinstance(value, dict) else context["tag"]
-        hint = nearest(context["tag"], choices)
-        return Fault((*path, "kind"), f"be one of {context['expected_tags']}", shown(kind), hint)
+        return Fault((*path, "kind"), rule, shown(kind), hint)
     fault = Fault(path, _rule(details["type"], context) or details["msg"], shown(value))
     if details["type"] == "float_type":
         # An integer beyond the largest float is a number, but not a finite one.
@@ -92,7 +91,8 @@ def worded(details: ErrorDetails, data: object, known: Iterable[str]) -> Fault:
         hint = "Write the bare number, in SI units." if isinstance(value, str) else ""
         return replace(fault, rule="be a number", hint=hint)
     if details["type"] == "literal_error":
-        return replace(fault, hint=nearest(value, _choices(context["expected"])))
+        rule, hint = one_of(value, _choices(context["expected"]))
+        return replace(fault, rule=rule, hint=hint)
     return fault
 
 
@@ -115,8 +115,6 @@ def _rule(kind: str, context: dict[str, Any]) -> str:
             return "be true or false"
         case "string_type" | "string_too_short":
             return "be a word"
-        case "literal_error":
-            return f"be one of {context['expected'].replace(' or ', ', ')}"
         case "model_type" | "model_attributes_type":
             return "be a mapping of keys to values"
         case _:

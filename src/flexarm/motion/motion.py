@@ -21,6 +21,7 @@ from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.closed import held_joints
 from flexarm.base.arguments import check_number, check_positive, check_times, warn_of_degrees
 from flexarm.base.errors import InputError, Problem, check_array, nearest, public_call, shown
+from flexarm.base.notebook import html_table
 from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
 from flexarm.motion.geometry.mechanism_path import Given, mechanism_path, quintic_table
 
@@ -247,6 +248,23 @@ class Motion(ABC):
     def at(self, times: Floats) -> JointState:
         """Return angles, rates and accelerations, each (T, n), at `times` (T,), none NaN."""
 
+    def __repr__(self) -> str:
+        span = f"{self.start_time:.5g} to {self.end_time:.5g} s"
+        return f"<flexarm.{type(self).__name__}: {self._about()}{self.joints} joints, {span}>"
+
+    def _about(self) -> str:
+        """Return words for the description of this kind of motion, with a comma; none here."""
+        return ""
+
+    def _repr_html_(self) -> str:
+        numbers = range(1, self.joints + 1)
+        heads = ("", "time (s)", *(f"joint {k}" for k in numbers), "tip x (m)", "tip y (m)")
+        times = [self.start_time, self.end_time]
+        ends = zip(times, self._state(times).angle.tolist(), self.tip(times).tolist(), strict=True)
+        rows = [[time, *angles, *tip] for time, angles, tip in ends]
+        title = repr(self).strip("<>")
+        return html_table(title, heads, [["start", *rows[0]], ["end", *rows[1]]])
+
     @property
     def joints(self) -> int:
         """Number of joints n."""
@@ -310,6 +328,9 @@ class PathMotion(Motion):
 
     law: TimingLaw  # timing law
 
+    def _about(self) -> str:
+        return f"{self.law.name}, "
+
     @abstractmethod
     def path(self, s: Floats) -> JointState:
         """Return q, dq/ds and d2q/ds2, each (T, n), at path fractions `s` (T,) in [0, 1]."""
@@ -355,7 +376,7 @@ class PathMotion(Motion):
         return np.array([self.start_time, *inner, self.end_time])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JointMotion(PathMotion):
     """Synchronous motion of all joints between two postures: q(s) = start + s (end - start).
 
@@ -363,7 +384,7 @@ class JointMotion(PathMotion):
         start, end: relative joint angles (n,), rad.
     """
 
-    chain: RigidChain = field(repr=False)
+    chain: RigidChain
     start: Floats
     end: Floats
     duration: float
@@ -379,7 +400,7 @@ class JointMotion(PathMotion):
         return JointState(angles, straight + (self.end - self.start), straight)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DrivenMotion(JointMotion):
     """Motion of a rigid mechanism in which some joints move synchronously and the others follow.
 
@@ -388,19 +409,19 @@ class DrivenMotion(JointMotion):
     """
 
     driven: tuple[int, ...] = field(kw_only=True)
-    _table: PPoly = field(kw_only=True, repr=False)
+    _table: PPoly = field(kw_only=True)
 
     def path(self, s: Floats) -> JointState:
         """Return the postures along the path and their derivatives."""
         return JointState(*(self._table(s, order) for order in range(3)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DerivedMotion(Motion):
     """A motion computed from another one, whose chain it has; derived classes are dataclasses."""
 
     motion: Motion  # the original motion
-    chain: RigidChain = field(init=False, repr=False)
+    chain: RigidChain = field(init=False)
     duration: float = field(init=False)
     start_time: float = field(init=False)
 
@@ -409,6 +430,9 @@ class DerivedMotion(Motion):
         object.__setattr__(self, "chain", self.motion.chain)
         object.__setattr__(self, "start_time", start)
         object.__setattr__(self, "duration", duration)
+
+    def _about(self) -> str:
+        return f"of a {type(self.motion).__name__}, "
 
     def _times(self) -> tuple[float, float]:
         """Return the start and the duration, s: by default those of the original motion."""
@@ -448,7 +472,7 @@ def joint_motion(
     duration, start_time = checked_times(duration, start_time)
     law = timing_law(profile)
     chain = rigid_chain(arm)
-    angles = {k: check_array(k, v, (arm.joints,)) for k, v in (("start", start), ("end", end))}
+    angles = {k: check_array(k, v, (arm.n_joints,)) for k, v in (("start", start), ("end", end))}
     turning = turning_joints(arm)
     warn_of_degrees(**{name: values[turning] for name, values in angles.items()})
     if driven is not None:
@@ -474,8 +498,8 @@ def check_motion(motion: object, arm: Arm | None = None) -> Motion:
     if not isinstance(motion, Motion):
         hint = "Create one with fa.line_motion or fa.joint_motion."
         raise InputError(Problem("motion", "be a motion", shown(motion), hint))
-    if arm is not None and motion.joints != arm.joints:
-        rule = f"have the number of joints of the arm ({arm.joints})"
+    if arm is not None and motion.joints != arm.n_joints:
+        rule = f"have the number of joints of the arm ({arm.n_joints})"
         raise InputError(Problem("motion", rule, str(motion.joints)))
     return motion
 
@@ -529,7 +553,7 @@ class TabulatedMotion(Motion):
         return np.asarray(self._table(np.minimum(np.maximum(times, ends[0]), ends[1]), order))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SampledMotion(TabulatedMotion, DerivedMotion):
     """A motion tabulated at a constant rate, with polynomials of degree 5 between the samples.
 
@@ -545,7 +569,7 @@ class SampledMotion(TabulatedMotion, DerivedMotion):
 
     rate: float
     error: JointState
-    _table: PPoly = field(repr=False)
+    _table: PPoly
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -224,7 +224,7 @@ class Clock:
         return t
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ShapedMotion(DerivedMotion):
     """A motion convolved with impulses.
 
@@ -237,6 +237,9 @@ class ShapedMotion(DerivedMotion):
     amplitudes: Floats
     phases: Floats
     clock: Clock
+
+    def _about(self) -> str:
+        return f"{len(self.phases)} impulses, {super()._about()}"
 
     def _times(self) -> tuple[float, float]:
         start, own = self.motion.start_time, np.array([self.motion.end_time])
@@ -299,7 +302,7 @@ WINDOWS: dict[str, Callable[[Floats], Floats]] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SmoothedMotion(DerivedMotion):
     """A motion averaged over a window: it starts with the original and ends a window later.
 
@@ -310,6 +313,9 @@ class SmoothedMotion(DerivedMotion):
 
     window: str
     span: float
+
+    def _about(self) -> str:
+        return f"{self.window} of {self.span:.5g} s, {super()._about()}"
 
     def _times(self) -> tuple[float, float]:
         return self.motion.start_time, self.motion.duration + self.span

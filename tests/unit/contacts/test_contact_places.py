@@ -18,7 +18,7 @@ def drawn_contacts(arm, q, seed):
     rng = np.random.default_rng(seed)
     contacts = []
     for number in range(3):
-        link = int(rng.integers(1, arm.links + 1))
+        link = int(rng.integers(1, arm.n_links + 1))
         share = rng.uniform(0.2, 1.0)
         station = None if number == 0 else share * arm.spec.links[link - 1].length
         point = point_of(arm, q, link, station)

@@ -39,7 +39,7 @@ def test_errors_of_actuated_joints_decay_as_in_closed_form(closed, driven):
     errors = (run.joint_angle.values - motion.joint_angle(t))[:, places]
     # The zero-order hold delays by half a sample, 0.6 % of 1 / omega.
     np.testing.assert_allclose(errors, np.tile(expected[:, None], len(driven)), atol=0.02 * by)
-    passive = np.setdiff1d(np.arange(arm.joints), places)
+    passive = np.setdiff1d(np.arange(arm.n_joints), places)
     assert not np.any(run.torque.values[:, passive])
 
 

@@ -36,10 +36,10 @@ NOISE = {"joint_angle": 1e-4, "strain": 1e-6}
 @pytest.mark.parametrize("name", ARMS)
 def test_deviations_of_estimates_are_right(name: str, kind: type) -> None:
     arm, rng = ARMS[name], np.random.default_rng(0)
-    torque = np.repeat(0.5 * rng.standard_normal((SAMPLES // 25 + 1, arm.joints)), 25, axis=0)
+    torque = np.repeat(0.5 * rng.standard_normal((SAMPLES // 25 + 1, arm.n_joints)), 25, axis=0)
     torque = torque[: SAMPLES + 1]
     disturbed = torque + 0.02 * rng.standard_normal(torque.shape)
-    start = arm.rest(np.full(arm.joints, 0.3))
+    start = arm.rest(np.full(arm.n_joints, 0.3))
     options = {"torque_interpolation": "hold", "rate": 1.0 / STEP, "initial": start}
     run = fa.simulate(arm, SAMPLES * STEP, torque=disturbed, **options)
     readings = {

@@ -94,7 +94,7 @@ def test_predicted_readings_equal_those_of_the_linear_model():
 def record(arm, plant, duration, seed, noise=0.0, instruments=(ENCODER, STRAIN), initial=None):
     """Return torques and readings of a plant under PD control and random torques."""
     random = np.random.default_rng(seed)
-    joints = arm.joints
+    joints = arm.n_joints
 
     class Shaken(fa.Controller):
         sample_time = 1e-3

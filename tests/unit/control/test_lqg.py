@@ -98,7 +98,7 @@ def test_gains_agree_with_python_control():
     unit, torque_unit = (np.diag(each) ** -0.5 for each in (design.cost, design.torque_weight))
     scaled = plant.A * unit / unit[:, None], plant.B * torque_unit / unit[:, None]
     weight = design.weight * unit * unit[:, None]
-    gain = control.dlqr(*scaled, weight, np.eye(arm.joints))[0] * torque_unit[:, None] / unit
+    gain = control.dlqr(*scaled, weight, np.eye(arm.n_joints))[0] * torque_unit[:, None] / unit
     np.testing.assert_allclose(design.gain, gain, rtol=1e-9, atol=1e-9 * np.abs(gain).max())
 
 

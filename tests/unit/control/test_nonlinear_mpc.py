@@ -100,7 +100,7 @@ def horizon_by_ipopt(few, law, start, wanted, torques):
         q, qd = x[: few.dof], x[few.dof :]
         return casadi.vertcat(qd, dynamics(q, qd, u, 0, []))
 
-    x, u = casadi.SX.sym("x", n), casadi.SX.sym("u", few.joints)
+    x, u = casadi.SX.sym("x", n), casadi.SX.sym("u", few.n_joints)
     after = x
     for _ in range(steps):
         k1 = rate(after, u)
@@ -110,7 +110,7 @@ def horizon_by_ipopt(few, law, start, wanted, torques):
         after = after + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     step = casadi.Function("step", [x, u], [after])
     problem = casadi.Opti()
-    X, U = problem.variable(n, N + 1), problem.variable(few.joints, N)
+    X, U = problem.variable(n, N + 1), problem.variable(few.n_joints, N)
     cost = 0
     for k in range(N):
         away, push = X[:, k] - wanted[k], U[:, k] - torques[k]
@@ -119,7 +119,7 @@ def horizon_by_ipopt(few, law, start, wanted, torques):
     away = X[:, N] - wanted[N]
     problem.minimize(1e-3 * (cost + away.T @ design.cost @ away))
     problem.subject_to(X[:, 0] == start)
-    for joint in range(few.joints):
+    for joint in range(few.n_joints):
         problem.subject_to(problem.bounded(-limit[joint], U[joint, :], limit[joint]))
     problem.set_initial(X, np.tile(start[:, None], N + 1))
     options = {"print_level": 0, "sb": "yes", "tol": 1e-10, "bound_relax_factor": 0.0}

@@ -36,7 +36,7 @@ TREES = {
 @pytest.mark.parametrize("name", TREES)
 def test_rows_and_momentum_are_those_of_the_arm(name):
     arm = TREES[name]
-    q, qd, qdd = np.random.default_rng(4).normal(size=(3, arm.joints))
+    q, qd, qdd = np.random.default_rng(4).normal(size=(3, arm.n_joints))
     model = RigidParameters(arm, parameter_names(arm))
     rows = model.regressor(q, qd, qd, qdd).copy()
     total = rows[: model.known].sum(axis=0) + model.values @ rows[model.known :]
@@ -46,14 +46,14 @@ def test_rows_and_momentum_are_those_of_the_arm(name):
     step = 1e-5  # central differences: error 1e-10
     ahead, behind = (arm.mass_matrix(q + sign * step * qd) for sign in (1.0, -1.0))
     change = (ahead - behind) @ qd / (2.0 * step)
-    expected = change - arm.inverse_dynamics(q, qd, np.zeros(arm.joints))
+    expected = change - arm.inverse_dynamics(q, qd, np.zeros(arm.n_joints))
     np.testing.assert_allclose(flow, expected, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", TREES)
 def test_a_row_is_the_torque_per_unit_of_the_payload(name):
     arm = TREES[name]
-    q, qd, qdd = np.random.default_rng(5).normal(size=(3, arm.joints))
+    q, qd, qdd = np.random.default_rng(5).normal(size=(3, arm.n_joints))
     model = RigidParameters(arm, ["payload.mass"])
     row = model.regressor(q, qd, qd, qdd)[model.known].copy()
     payload = arm.spec.payload

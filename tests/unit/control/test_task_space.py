@@ -33,7 +33,7 @@ every = pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
 
 def state_of(arm):
     rng = np.random.default_rng(3)
-    return rng.uniform(-1.0, 1.0, arm.joints) + 0.3, rng.uniform(-2.0, 2.0, arm.joints)
+    return rng.uniform(-1.0, 1.0, arm.n_joints) + 0.3, rng.uniform(-2.0, 2.0, arm.n_joints)
 
 
 @every
@@ -71,7 +71,7 @@ def test_torque_gives_the_wanted_tip_acceleration(name):
     angle, rate = state_of(arm)
     task, rigid = TaskSpace(arm), arm.rigid()
     wanted, push = (1.5, -2.0), (3.0, 4.0)
-    posture, added = np.linspace(0.5, -0.5, arm.joints), np.linspace(0.1, 0.3, arm.joints)
+    posture, added = np.linspace(0.5, -0.5, arm.n_joints), np.linspace(0.1, 0.3, arm.n_joints)
     state = task.at(angle, rate)
     torque = task.torque(state, wanted, push, posture, added) - added
     q, qd = rigid.rest(angle), rigid.rest(rate) - rigid.rest(0.0 * rate)
@@ -85,7 +85,7 @@ def test_torque_gives_the_wanted_tip_acceleration(name):
     off = J @ found + state.motion[2] - wanted
     assert np.linalg.norm(off) < 1.01 * damped * np.linalg.norm(missing)
     # The posture determines the motion that the tip leaves free.
-    free = np.eye(arm.joints) - np.linalg.pinv(state.jacobian) @ state.jacobian
+    free = np.eye(arm.n_joints) - np.linalg.pinv(state.jacobian) @ state.jacobian
     np.testing.assert_allclose(free @ found, free @ posture, atol=1e-4)
 
 

@@ -32,9 +32,9 @@ def test_jacobians_equal_directional_derivatives(seed):
     rng = np.random.default_rng(seed)
     by = d.arm.derivatives(d.q, d.qd, d.torque)
     assert by.q.shape == by.qd.shape == (d.arm.dof, d.arm.dof)
-    assert by.torque.shape == (d.arm.dof, d.arm.joints)
+    assert by.torque.shape == (d.arm.dof, d.arm.n_joints)
     dq, dqd = rng.normal(size=(2, d.arm.dof))
-    dtau = rng.normal(size=d.arm.joints)
+    dtau = rng.normal(size=d.arm.n_joints)
     state, direction = np.stack([d.q, d.qd]), np.stack([dq, dqd])
     along = exact_derivative(lambda s: complex_accelerations(d.arm, s, d.torque), state, direction)
     wanted = by.q @ dq + by.qd @ dqd
@@ -54,7 +54,7 @@ def test_jacobians_are_the_limits_of_differences(seed):
     rng = np.random.default_rng(seed)
     # Changes in proportion to the values, so that stiff modes are changed very little.
     dq, dqd = np.stack([d.q, d.qd]) * rng.normal(size=(2, d.arm.dof))
-    dtau = rng.normal(size=d.arm.joints)
+    dtau = rng.normal(size=d.arm.n_joints)
 
     def found(t):
         return d.arm.forward_dynamics(d.q + t * dq, d.qd + t * dqd, d.torque + t * dtau)
@@ -73,7 +73,7 @@ def test_jacobians_at_rest_are_mass_stiffness_and_damping(seed):
     """A straight arm at rest without gravity: M qdd = -K dq - D dqd + torque."""
     d = drawn(seed, gravity=False)
     q, zero = d.arm.rest(d.state.angles), np.zeros(d.arm.dof)
-    by = d.arm.derivatives(q, zero, np.zeros(d.arm.joints))
+    by = d.arm.derivatives(q, zero, np.zeros(d.arm.n_joints))
     M = d.arm.mass_matrix(q)
     K, D = d.arm.stiffness_matrix(q), d.arm.damping_matrix()
     scale = np.sqrt(np.diag(M))
@@ -91,7 +91,7 @@ def test_jacobians_at_rest_are_mass_stiffness_and_damping(seed):
 
 def test_stiffness_by_gravity_depends_on_the_posture():
     d = changed(drawn(11, theory="second_order", rigid=False).arm, gravity=(0.0, -9.81))
-    up, down = (d.rest([angle, *np.zeros(d.joints - 1)]) for angle in (np.pi / 2, -np.pi / 2))
+    up, down = (d.rest([angle, *np.zeros(d.n_joints - 1)]) for angle in (np.pi / 2, -np.pi / 2))
     standing, hanging = d.stiffness_matrix(up), d.stiffness_matrix(down)
     assert np.linalg.eigvalsh(hanging)[0] > 0 > np.linalg.eigvalsh(standing)[0]
     assert np.all(np.diag(hanging) > np.diag(standing))  # by the weight, second order

@@ -95,17 +95,17 @@ def test_estimate_equals_the_second_order_theory_on_random_arms():
     rng = np.random.default_rng(7)
     for _ in range(20):
         arm = fa.Arm(random_spec(rng, theory="linear", rigid=False, gravity=True))
-        q = arm.rest(rng.normal(size=arm.joints))
+        q = arm.rest(rng.normal(size=arm.n_joints))
         loads = [
             fa.Load(1, tuple(rng.normal(size=2) * 10.0), frame="link"),
-            fa.Load(arm.links, tuple(rng.normal(size=2) * 20.0)),
+            fa.Load(arm.n_links, tuple(rng.normal(size=2) * 20.0)),
         ]
         environment = Environment.of(arm, rng.normal(size=2) * 20.0, loads)
         exact = exact_shares(arm, q, environment=environment)
         # Tip forces, weight and rotation have somewhat different shapes of their lowest loads.
         found = shares(arm, q, environment=environment)
         np.testing.assert_allclose(found, exact, rtol=0.03, atol=0.003)
-        qd = arm.rest(rng.normal(size=arm.joints) * 3.0)
+        qd = arm.rest(rng.normal(size=arm.n_joints) * 3.0)
         still = fa.Arm(arm.spec.replace(gravity=(0.0, 0.0)))
         exact = exact_shares(still, q, qd)
         np.testing.assert_allclose(shares(still, q, qd), exact, rtol=0.03, atol=0.003)
@@ -163,8 +163,8 @@ def test_joint_accelerations_are_included():
     rng = np.random.default_rng(5)
     for _ in range(5):
         arm = fa.Arm(random_spec(rng, theory="linear", rigid=False, gravity=False, links=3))
-        q = arm.rest(rng.normal(size=arm.joints))
-        qdd = arm.rest(rng.normal(size=arm.joints) * 1e-6)
+        q = arm.rest(rng.normal(size=arm.n_joints))
+        qdd = arm.rest(rng.normal(size=arm.n_joints) * 1e-6)
         times = np.arange(5.0) * 10.0
         rates = (times[:, None] - 20.0) * qdd
         states = arm.padded(np.stack([np.tile(q, (5, 1)), rates], axis=1))

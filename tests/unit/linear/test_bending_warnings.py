@@ -18,13 +18,13 @@ def strip(theory="linear", count=1, **fields):
 
 def bent(arm, load):
     with one_warning():
-        return fa.equilibrium(arm, [0.0] * arm.joints, tip_force=tuple(load)).q
+        return fa.equilibrium(arm, [0.0] * arm.n_joints, tip_force=tuple(load)).q
 
 
 def off(arm, load):
     """Return estimated and true error of the tip: against 32 segments, within 1e-5 of the
     elastica."""
-    fine = strip("second_order", arm.links, elements=32, segments=32)
+    fine = strip("second_order", arm.n_links, elements=32, segments=32)
     q = bent(arm, load)
     true = np.hypot(*(arm.tip(q) - fine.tip(bent(fine, load)))[:2])
     states = arm.padded(np.stack([q, 0 * q]))[None]

@@ -36,11 +36,13 @@ class Links:
 
     @property
     def assembly(self) -> SimpleNamespace:
-        return SimpleNamespace(seats=[SimpleNamespace(link=i) for i in range(self.links)], base=())
+        return SimpleNamespace(
+            seats=[SimpleNamespace(link=i) for i in range(self.n_links)], base=()
+        )
 
     @property
     def spec(self) -> SimpleNamespace:
-        joints = [Joint()] * self.links
+        joints = [Joint()] * self.n_links
         return SimpleNamespace(joints=joints, is_serial=True, features=())
 
     @property

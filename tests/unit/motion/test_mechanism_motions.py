@@ -64,7 +64,7 @@ def test_torques_of_motors_cause_the_motion(name):
     motion = moved(closed, 0.15, driven)
     rigid = fa.Arm(**closed.fields).rigid()
     torque = fa.rigid_torque(rigid, motion)(TIMES)
-    passive = np.setdiff1d(np.arange(rigid.joints), np.array(driven) - 1)
+    passive = np.setdiff1d(np.arange(rigid.n_joints), np.array(driven) - 1)
     assert not np.any(torque[:, passive])
     for k, (q, qd, qdd) in enumerate(zip(*motion.state(TIMES), strict=True)):
         assert np.max(np.abs(rigid.closure_gaps(q))) < 1e-11

@@ -14,7 +14,7 @@ def an_arm(links):
 
 
 def a_motion(arm):
-    n = arm.joints
+    n = arm.n_joints
     return fa.joint_motion(arm, [0.2, 0.6, 0.6][:n], [0.8, 0.9, 0.5][:n], 1.0)
 
 

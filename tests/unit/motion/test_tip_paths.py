@@ -24,7 +24,7 @@ ARMS = [Links(), Links((0.9, 0.7, 0.5, 0.6))]
 POINTS = np.array([[1.9, 0.4], [1.4, 1.2], [0.4, 1.4], [-0.6, 1.7], [-1.2, 1.1]])
 
 
-@pytest.fixture(params=ARMS, ids=lambda arm: f"{arm.links}-links")
+@pytest.fixture(params=ARMS, ids=lambda arm: f"{arm.n_links}-links")
 def arm(request):
     return request.param
 

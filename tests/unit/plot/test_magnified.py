@@ -176,7 +176,7 @@ def _scene(kind: str, factor: float):
 
 
 def _pull(chain):
-    return lambda t: np.linspace(1.0, 0.5, chain.joints) * np.cos(20.0 * t)
+    return lambda t: np.linspace(1.0, 0.5, chain.n_joints) * np.cos(20.0 * t)
 
 
 @pytest.mark.parametrize("kind", ["chain", "branches", "closed"])

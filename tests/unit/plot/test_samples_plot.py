@@ -26,9 +26,9 @@ def test_dots_are_the_runs_and_crosses_the_failures(table):
     assert not others
     assert mass.get_xlabel() == "payload.mass"
     assert duration.get_xlabel() == "run.duration"
-    assert mass.get_ylabel() == "tip_error_rms [m]"
+    assert mass.get_ylabel() == "tip_error_rms [mm]"
     first, no_cross, second, cross = mass.lines
-    assert first.get_xydata().tolist() == [[0.4, 0.0], [0.1, 2.0], [0.3, 4.0], [0.2, 6.0]]
+    assert first.get_xydata().tolist() == [[0.4, 0.0], [0.1, 2e3], [0.3, 4e3], [0.2, 6e3]]
     assert second.get_label() == "LQG"
     assert no_cross.get_xdata().size == 0
     assert cross.get_xdata().tolist() == [0.2]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.assembly.assemble import Assembly, FloatArray
-from flexarm.base.arguments import as_list, check_last_axes
+from flexarm.arm.items import items_of
+from flexarm.base.arguments import as_list, check_last_axes, check_posture
 from flexarm.base.errors import InputError, Problem, check_array, is_count, public_call, shown
-from flexarm.model import ArmSpec
+from flexarm.model import ArmSpec, Joint, Link
 
 
 def check_joint(arm: Coordinates, name: str, joint: object) -> int:
@@ -22,6 +24,30 @@ def check_joint(arm: Coordinates, name: str, joint: object) -> int:
     known = ", ".join(map(str, numbers)) or "there are none"
     rule = f"be the number of a joint that is not fixed ({known})"
     raise InputError(Problem(name, rule, shown(joint)))
+
+
+def check_state(arm: Coordinates, name: str, value: Any) -> FloatArray:
+    """Return q (dof,) of a value that is q, or joint angles (joints,) of straight links.
+
+    Raises:
+        InputError: if it has neither shape, or is not finite.
+
+    Warns:
+        ImplausibleValueWarning: if joint angles look like degrees.
+    """
+    try:
+        shape = np.shape(value)
+    except ValueError:  # rows of different lengths, which the checks below report
+        shape = ()
+    if shape == (arm.n_joints,):
+        return arm.rest(check_posture(name, value, arm.n_joints, turning_joints(arm)))
+    if len(shape) == 1 and shape != (arm.dof,):
+        rule = f"have shape ({arm.dof},) as coordinates q, or ({arm.n_joints},) as joint angles"
+        hint = (
+            "fa.equilibrium returns q of bent links, arm.rest(joint_angles) that of straight ones."
+        )
+        raise InputError(Problem(name, rule, f"shape ({shape[0]},)", hint))
+    return check_array(name, value, (arm.dof,))
 
 
 def modal_size(arm: Coordinates) -> float:
@@ -82,12 +108,22 @@ class Coordinates:
         return int(self.assembly.coordinates.size)
 
     @property
-    def joints(self) -> int:
-        """Number of joints that are not fixed."""
+    def links(self) -> Sequence[Link]:
+        """Links from the base outwards; ``arm.links[0]`` is that of files and messages."""
+        return items_of(self.spec.links, "links", self.n_links)
+
+    @property
+    def joints(self) -> Sequence[Joint]:
+        """Joints at the roots of the links, fixed ones included; indices as for `links`."""
+        return items_of(self.spec.joints, "joints", self.n_joints)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints that are not fixed, and so of joint angles and torques."""
         return len(self.assembly.seats)
 
     @property
-    def links(self) -> int:
+    def n_links(self) -> int:
         """Number of links."""
         return len(self.spec.links)
 
@@ -137,7 +173,7 @@ class Coordinates:
             InputError: if an argument has the wrong shape, or a coordinate of the base that is not
                 free is not zero.
         """
-        angles = check_array("joint_angles", joint_angles, (self.joints,))
+        angles = check_array("joint_angles", joint_angles, (self.n_joints,))
         q = np.zeros(self.dof)
         q[self.joint_index] = angles
         if base is None:
@@ -169,8 +205,8 @@ class Coordinates:
         """
         q = self.rest(joint_angles)
         items = list(nodal) if isinstance(nodal, np.ndarray) and nodal.ndim else as_list(nodal)
-        if items is None or len(items) != self.links:
-            rule = f"be a list of one array for each of the {self.links} links"
+        if items is None or len(items) != self.n_links:
+            rule = f"be a list of one array for each of the {self.n_links} links"
             raise InputError(Problem("nodal", rule, shown(nodal)))
         values = {
             i: check_array(f"nodal[{i}]", items[i], (count, 2))
@@ -198,7 +234,7 @@ class Coordinates:
 
     def _elements(self) -> list[int]:
         """Return the numbers of elements of the links, which have at least one in each piece."""
-        return [self.assembly.pieces_of(i)[-1].rows.stop for i in range(self.links)]
+        return [self.assembly.pieces_of(i)[-1].rows.stop for i in range(self.n_links)]
 
     @public_call
     def padded(self, vector: ArrayLike) -> FloatArray:

@@ -88,7 +88,7 @@ def model_functions(model: CasadiModel) -> list[NamedFunction]:
     functions.append(named("tip_jacobian", summary, inputs, {"jacobian": jacobian}))
     # A Runge-Kutta method is linear in its stages. Therefore the step of matrices [value,
     # derivatives] is the step itself, over accelerations and their derivatives by CasADi.
-    n, m = model.arm.dof, model.arm.joints
+    n, m = model.arm.dof, model.arm.n_joints
     of_columns = dynamics_of_columns(model, ("q", "qd", "torque"))
     inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
     columns = with_derivatives({name: inputs[name] for name in ("q", "qd", "torque")})

@@ -96,9 +96,9 @@ def exported_observer(arm: Arm, observer: object) -> Observer:
     if late:
         rule = "have instruments without a delay or a sample_time"
         raise InputError(Problem("observer", rule, ", ".join(late)))
-    if observer.arm.joints != arm.joints:
-        rule = f"be for an arm with {arm.joints} joints"
-        raise InputError(Problem("observer", rule, f"one for {observer.arm.joints}"))
+    if observer.arm.n_joints != arm.n_joints:
+        rule = f"be for an arm with {arm.n_joints} joints"
+        raise InputError(Problem("observer", rule, f"one for {observer.arm.n_joints}"))
     widest = widest_single(observer.arm.spec.payload.mass + tip_mass(observer.arm))
     if observer.payload_deviation > widest:
         rule = f"have a payload_deviation of at most {widest:.3g} kg"
@@ -139,7 +139,7 @@ class _Writer:
         # Links are straight at the readings of the encoders.
         first = sum(self.shown.counts[: self.filter.instruments.index(self.angle)])
         straight = casadi.MX(casadi.DM.zeros(self.arm.dof))
-        straight[self.joints] = readings[first : first + self.arm.joints]
+        straight[self.joints] = readings[first : first + self.arm.n_joints]
         q, by_mass = self._sag(straight)
         x = casadi.vertcat(q, casadi.DM.zeros(self.arm.dof), -0.5 * self.spread)
         along = casadi.vertcat(self.scale * by_mass, casadi.DM.zeros(self.arm.dof), 1.0)
@@ -151,8 +151,8 @@ class _Writer:
             least = LEAST_STIFFNESS * casadi.mmax(stiffness)
             variance[self.bending] /= casadi.fmax(stiffness, least)
         P = casadi.diag(variance) + self.spread * (along @ along.T)
-        unmoved = casadi.DM.zeros(self.states, self.arm.joints)
-        still = casadi.DM.zeros(self.arm.joints)
+        unmoved = casadi.DM.zeros(self.states, self.arm.n_joints)
+        still = casadi.DM.zeros(self.arm.n_joints)
         outputs = self._corrected(x, P, unmoved, still, readings)
         summary = "Estimate at the first sample, where the memory starts."
         return named("observer_start", summary, {"readings": readings}, outputs)
@@ -162,7 +162,7 @@ class _Writer:
         size = self.states
         inputs = {
             "readings": casadi.MX.sym("readings", self.shown.size),
-            "last_torque": casadi.MX.sym("last_torque", self.arm.joints),
+            "last_torque": casadi.MX.sym("last_torque", self.arm.n_joints),
             "observer_memory": casadi.MX.sym("observer_memory", size * (1 + size)),
         }
         readings, torque, memory = inputs.values()
@@ -199,7 +199,7 @@ class _Writer:
 
     def _propagated(self, x: Any, P: Any, torque: Any) -> tuple[Any, Any, Any]:
         """Return mean, covariance, and its part with the torque error, after a sample time."""
-        given, n, m = self.filter, self.arm.dof, self.arm.joints
+        given, n, m = self.filter, self.arm.dof, self.arm.n_joints
         mass, moving = self._mass(x)
         values = {"q": x[:n], "qd": x[n : 2 * n], "torque": torque, "parameters": mass}
         columns = with_derivatives(values)
@@ -226,7 +226,7 @@ class _Writer:
 
     def _noisy(self, by_torque: Any) -> Any:
         """Return derivatives by the torque times the deviation of its error."""
-        noise = np.broadcast_to(np.asarray(self.filter.torque_noise), self.arm.joints)
+        noise = np.broadcast_to(np.asarray(self.filter.torque_noise), self.arm.n_joints)
         return by_torque * casadi.repmat(casadi.DM(noise).T, by_torque.shape[0], 1)
 
     def _corrected(self, x: Any, P: Any, moved: Any, torque: Any, readings: Any) -> dict[str, Any]:
@@ -256,7 +256,7 @@ class _Writer:
     def _predicted_readings(self) -> Any:
         """Return readings and their derivatives, a function of state, torque and payload mass."""
         n = self.arm.dof
-        x, torque = casadi.SX.sym("x", 2 * n), casadi.SX.sym("torque", self.arm.joints)
+        x, torque = casadi.SX.sym("x", 2 * n), casadi.SX.sym("torque", self.arm.n_joints)
         mass = casadi.SX.sym("mass")
         values = casadi.DM(self.shown.linear_rows) @ x
         if not self.shown.linear:

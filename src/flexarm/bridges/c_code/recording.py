@@ -86,7 +86,7 @@ def record(export: Exported) -> Recording:
     count = SAMPLES * _STRIDE
     # Torques (count, joints) that accelerate the joints by some rad/s^2.
     M = arm.mass_matrix(np.zeros(arm.dof))[arm.joint_index, arm.joint_index]
-    phase = np.linspace(0.0, 2.0 * np.pi, count)[:, None] * np.arange(1, arm.joints + 1)
+    phase = np.linspace(0.0, 2.0 * np.pi, count)[:, None] * np.arange(1, arm.n_joints + 1)
     torque = 3.0 * M * np.sin(phase)
     with warnings.catch_warnings():
         # The run only compares two programs: it may leave the validity of the theory.
@@ -181,7 +181,7 @@ def _scale_by_energy(data: Recording, arm: Arm) -> None:
     scale = np.sqrt(np.diag(M))
     condition = np.linalg.cond(M / np.outer(scale, scale))
     limit = max(_ROUNDING, _CONDITION * np.finfo(float).eps * condition)
-    n, m = arm.dof, arm.joints
+    n, m = arm.dof, arm.n_joints
     both = np.concatenate([scale, scale])
     data.tolerance["forward_dynamics"] = (
         limit * np.abs(scale * data.expected["forward_dynamics"]).max() / scale
@@ -248,12 +248,12 @@ def _readings(of: ExtendedKalmanFilter, samples: int) -> dict[str, FloatArray]:
     M = arm.mass_matrix(np.zeros(arm.dof))[arm.joint_index, arm.joint_index]
     x = np.zeros(2 * arm.dof)
     x[arm.joint_index], x[arm.dof + arm.joint_index] = _ANGLE, _RATE
-    torque, rows, torques = np.zeros(arm.joints), [], []
+    torque, rows, torques = np.zeros(arm.n_joints), [], []
     for k in range(samples):
         noise = np.sqrt(shown.variance) * random.standard_normal(shown.size)
         rows.append(shown.values(x, torque, step.free.at()) + noise)
         torques.append(torque)
-        phase = 2.0 * np.pi * k / samples * np.arange(1, arm.joints + 1)
+        phase = 2.0 * np.pi * k / samples * np.arange(1, arm.n_joints + 1)
         torque = _TORQUE * M * np.sin(phase)
         x = step.advance(x, torque)
     return {"readings": np.array(rows), "last_torque": np.array(torques)}
@@ -349,12 +349,12 @@ def _pressed(
         "path_position": reach * wave * tangent,
         "path_speed": speed * (normal @ _NORMAL)[:, None],
         "strain_correction": _STRAIN * np.sin(turn * times[:, None] + np.arange(len(arm.gauges))),
-        "feedforward": _PRESSING * wave * np.ones(arm.joints),
+        "feedforward": _PRESSING * wave * np.ones(arm.n_joints),
     }
     for prefix, bent, friction in (("reference", 1.0, _FRICTION), ("rougher", _BENT, _ROUGHER)):
         names = (f"{prefix}_{name}" for name in ("angle", "rate", "acceleration"))
         inputs |= {name: bent * values for name, values in zip(names, motion, strict=True)}
-        inputs[f"{prefix}_pressing"] = _PRESSING * bent * ones * np.ones(arm.joints)
+        inputs[f"{prefix}_pressing"] = _PRESSING * bent * ones * np.ones(arm.n_joints)
         inputs[f"{prefix}_friction"] = friction * ones
     return inputs
 
@@ -472,7 +472,7 @@ def packet_layout(export: Exported) -> Layout | None:
     values.
     """
     assert export.controller is not None
-    joints, gauges = export.arm.joints, len(export.arm.gauges)
+    joints, gauges = export.arm.n_joints, len(export.arm.gauges)
     sizes = {"joint_angle": joints, "joint_rate": joints}
     if gauges:
         sizes["strain"] = gauges

@@ -92,7 +92,7 @@ class Exported:
     @property
     def sizes(self) -> dict[str, int]:
         """Sizes by the names of their macros, without the prefix."""
-        macros = {"DOF": self.arm.dof, "JOINTS": self.arm.joints, "GAUGES": len(self.arm.gauges)}
+        macros = {"DOF": self.arm.dof, "JOINTS": self.arm.n_joints, "GAUGES": len(self.arm.gauges)}
         macros["PARAMETERS"] = len(self.parameters)
         if self.controller:
             macros["MEMORY"] = self.controller.memory

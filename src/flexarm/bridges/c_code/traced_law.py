@@ -41,7 +41,7 @@ def plan_over(law: Any, arm: Arm, array: _Array, t: float = 0.0) -> Arrays | Non
         return None
     outside = any(not _planned_here(part) for part in around(law) if exports_plan(part))
     now = float("nan") if outside else t
-    reference: Any = ReferenceInputs(array, arm.joints, now=now if outside else None)
+    reference: Any = ReferenceInputs(array, arm.n_joints, now=now if outside else None)
     sizes = {"path_speed": 1, "reference_force_rate": 1, "path_position": 2}
     speed, force_rate, position = (array(*size) for size in sizes.items())
     planned = dict(law.planned(now, reference))
@@ -52,7 +52,7 @@ def plan_over(law: Any, arm: Arm, array: _Array, t: float = 0.0) -> Arrays | Non
         correction = array("strain_correction", len(arm.gauges))
         planned["nominal_strain"] = planned["nominal_strain"] + correction
     if "feedforward" in planned:
-        planned["feedforward"] = array("feedforward", arm.joints)
+        planned["feedforward"] = array("feedforward", arm.n_joints)
     if "surface" in planned:
         planned["surface"] = SurfaceMotion(*position, *speed, *force_rate)
     return planned
@@ -179,7 +179,7 @@ def traced_controller(arm: Arm, controller: Controller) -> TracedController:
 def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, int]:
     """Return symbols, results of the first sample and of later ones, and the size of the memory."""
     symbols, sizes = _Inputs(), reading_sizes(arm)
-    planned = law.planned(0.0, Rest({"joint_angle": np.zeros(arm.joints)}))
+    planned = law.planned(0.0, Rest({"joint_angle": np.zeros(arm.n_joints)}))
     law.reset()
     table = gain_table(law)
     make_symbolic(law, _PACKAGES)
@@ -193,9 +193,9 @@ def _traced(law: Any, arm: Arm, names: list[str]) -> tuple[_Inputs, Any, Any, in
         }
         memory = memory_of(readings, inputs)
         after, torque = law.step(memory, readings, inputs)
-        if np.shape(torque) != (arm.joints,):
+        if np.shape(torque) != (arm.n_joints,):
             found = np.shape(torque)
-            raise SymbolError(f"returns torques of shape {found} instead of ({arm.joints},)")
+            raise SymbolError(f"returns torques of shape {found} instead of ({arm.n_joints},)")
         if {name: np.shape(value) for name, value in after.items()} != shapes:
             raise SymbolError("changes the names or the sizes of its memory")
         numbers = [np.ravel(after[name]) for name in shapes]
@@ -248,11 +248,11 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
             reason = "It has an update instead of a step."
         if reason is not None:
             raise refusal(part, reason)
-    reference: Any = ReferenceInputs(_Inputs().array, arm.joints)
+    reference: Any = ReferenceInputs(_Inputs().array, arm.n_joints)
     follows = any(map(exports_plan, around(controller)))
     needed = requirements_of(controller, arm, reference if follows else None)
-    if needed.joints not in (None, arm.joints):
-        rule = f"be for an arm with {arm.joints} joints"
+    if needed.joints not in (None, arm.n_joints):
+        rule = f"be for an arm with {arm.n_joints} joints"
         raise InputError(Problem("controller", rule, f"one for {needed.joints}"))
     sizes = reading_sizes(arm)
     unknown = [name for name in needed.measured if name not in sizes]
@@ -264,7 +264,7 @@ def _readings(arm: Arm, controller: Any) -> list[str]:
 def reading_sizes(arm: Arm) -> dict[str, tuple[int, ...]]:
     """Return the shapes of the readings that exported controllers may use."""
     gauges = {"strain": (len(arm.gauges),)} if arm.gauges else {}
-    joints = {"joint_angle": (arm.joints,), "joint_rate": (arm.joints,)}
+    joints = {"joint_angle": (arm.n_joints,), "joint_rate": (arm.n_joints,)}
     return {**joints, "tip": (2,), "contact_force": (1, 2), **gauges}
 
 

@@ -94,7 +94,7 @@ def export_fmu(
         raise InputError(Problem("name", "not start with fmi or fmu", shown(name)))
     if controller is not None:
         check_controller("controller", controller)
-    state = initial_state(arm, initial, initial_rate, np.zeros(arm.joints))
+    state = initial_state(arm, initial, initial_rate, np.zeros(arm.n_joints))
     q, qd = state.reshape(2, -1)[:, arm.assembly.coordinates]
     whole = exported(model, prefix, controller)
     export = replace(whole, functions=[f for f in whole.functions if f.name in _FUNCTIONS])

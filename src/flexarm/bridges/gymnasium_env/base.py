@@ -255,8 +255,8 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         self.reach = self.arm.reach
         #: Torques (joints,) N m of an action of 1.
         self.torque_limit = np.full(
-            self.arm.joints,
-            check_each("torque_limit", torque_limit, self.arm.joints, positive=True),
+            self.arm.n_joints,
+            check_each("torque_limit", torque_limit, self.arm.n_joints, positive=True),
         )
         instruments = hardware.instruments or exact_instruments(self.arm, self.extra_signals)
         self._hardware = hardware.replace(instruments=instruments)
@@ -270,12 +270,12 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         example = self.plant.measurement
         self.layout = Observation(self.arm, instruments, example, self.task_parts())
         self.observation_space = self.layout.space
-        self.action_space = Box(-1.0, 1.0, (self.arm.joints,), np.float32)
+        self.action_space = Box(-1.0, 1.0, (self.arm.n_joints,), np.float32)
         self.render_mode = render_mode
         self.metadata = {**type(self).metadata, "render_fps": round(1.0 / sample_time)}
         self._picture: Picture | None = None
         self._tick, self._begun = 0, False
-        self._most, self._least = np.ones(self.arm.joints), -np.ones(self.arm.joints)
+        self._most, self._least = np.ones(self.arm.n_joints), -np.ones(self.arm.n_joints)
 
     # Interface of a task -------------------------------------------------------------------------
 
@@ -347,7 +347,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             self.plant = self._made(drawn, self.plant.sample_time, changing)
         self.plant.reset(self.plant.arm.rest(start), seed=self.draw_noise())
         self._tick, self._begun = 0, True
-        return self._look(np.zeros(self.arm.joints), "")
+        return self._look(np.zeros(self.arm.n_joints), "")
 
     @public_call
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
@@ -359,7 +359,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("Call reset() before step().")
-        part = check_array("action", action, (self.arm.joints,))
+        part = check_array("action", action, (self.arm.n_joints,))
         np.minimum(part, self._most, out=part)  # faster than np.clip
         np.maximum(part, self._least, out=part)
         torque = part * self.torque_limit
@@ -413,9 +413,9 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
         """Create the plant of an arm with the nominal arm's numbers of joints and gauges."""
         known = self.arm
         arm = check_kind("plant", arm, Arm)
-        if (arm.joints, len(arm.gauges)) != (known.joints, len(known.gauges)):
-            rule = f"have {known.joints} joints and {len(known.gauges)} gauges"
-            raise InputError(Problem("plant", rule, f"{arm.joints} and {len(arm.gauges)}"))
+        if (arm.n_joints, len(arm.gauges)) != (known.n_joints, len(known.gauges)):
+            rule = f"have {known.n_joints} joints and {len(known.gauges)} gauges"
+            raise InputError(Problem("plant", rule, f"{arm.n_joints} and {len(arm.gauges)}"))
         acting: dict[str, Any] = {"contacts": self.contacts(), "changes": changes}
         return Plant(arm, sample_time, self._hardware, **acting, warn=False)
 

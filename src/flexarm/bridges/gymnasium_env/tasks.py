@@ -47,7 +47,7 @@ class ReachEnv(ArmEnv):
 
     def begin(self, options: dict[str, Any]) -> FloatArray:
         """See ``ArmEnv``."""
-        shape = (self.arm.joints,)
+        shape = (self.arm.n_joints,)
         lower, upper = _joint_range(self)
         start = self.np_random.uniform(lower, upper)
         if "start" in options:
@@ -71,7 +71,7 @@ class ReachEnv(ArmEnv):
 
 def _joint_range(env: ArmEnv) -> tuple[FloatArray, FloatArray]:
     """Return the bounds (joints,) of initial joint angles, rad."""
-    lower = np.full(env.arm.joints, -_RANGE)
+    lower = np.full(env.arm.n_joints, -_RANGE)
     upper = -lower
     for k, number in enumerate(env.arm.joint_numbers):
         limits = env.arm.spec.joints[number - 1].limits
@@ -322,7 +322,7 @@ class TrackForceEnv(_LineEnv):
         return -normal if normal @ (self._base() - start) < 0.0 else normal
 
     def _base(self) -> FloatArray:
-        return np.asarray(self.arm.shape(self.arm.rest(np.zeros(self.arm.joints)), 2)[0, 0])
+        return np.asarray(self.arm.shape(self.arm.rest(np.zeros(self.arm.n_joints)), 2)[0, 0])
 
     def _draw(self) -> None:
         """Draw a random line on a wall along which the arm can press."""
@@ -354,7 +354,7 @@ class TrackForceEnv(_LineEnv):
         arm, push = self.arm, self.force.sum()
         for angle in self.motion.joint_angle(times):
             turned = [
-                arm.tip_velocity(arm.rest(angle), arm.rest(unit)) for unit in np.eye(arm.joints)
+                arm.tip_velocity(arm.rest(angle), arm.rest(unit)) for unit in np.eye(arm.n_joints)
             ]
             holding = push * np.array([velocity[:2] @ self.normal for velocity in turned])
             if np.any(np.abs(holding) > _SHARE * self.torque_limit):

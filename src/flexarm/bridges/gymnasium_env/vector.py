@@ -165,7 +165,7 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
             gymnasium.error.ResetNeeded: if ``reset`` has not been called, or an episode is over and
                 ``autoreset_mode`` is ``"Disabled"``.
         """
-        part = check_array("actions", actions, (self.num_envs, self._task.arm.joints))
+        part = check_array("actions", actions, (self.num_envs, self._task.arm.n_joints))
         if self._seen is None:
             raise gymnasium.error.ResetNeeded("Call reset() before step().")
         if self._mode is AutoresetMode.DISABLED and self._over.any():

@@ -105,7 +105,7 @@ def _help(model: CasadiModel, name: str) -> list[str]:
     lines = [
         f"{name.upper()}  Accelerations of a planar arm with flexible links.",
         "  q, qd      coordinates and their rates, listed below",
-        f"  torque     torque of each joint, N m, {arm.joints} rows",
+        f"  torque     torque of each joint, N m, {arm.n_joints} rows",
         "  tip_force  Fx, Fy (N) and Mz (N m) on the last tip in world axes; optional",
     ]
     if model.parameters:

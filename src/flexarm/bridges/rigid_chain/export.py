@@ -165,7 +165,7 @@ def coordinates(chain: Arm, driven: Sequence[int]) -> list[int]:
 
 
 def _comparisons(arm: Arm, chain: Arm, driven: list[int]) -> tuple[Comparison, ...]:
-    if arm.dof == arm.joints:
+    if arm.dof == arm.n_joints:
         return ()
     exact, bars = locked(arm, arm.joint_index.tolist()), locked(chain, coordinates(chain, driven))
     rows = [
@@ -207,7 +207,7 @@ def bodies(chain: RigidChain) -> list[Body]:
         x = (float(constants.first_moment_x[i]) + tip * length) / mass if mass else 0.0
         y = float(constants.first_moment_y[i]) / mass if mass else 0.0
         about_hinge = float(constants.inertia[i] + constants.tip_inertia[i]) + tip * length**2
-        is_bar = i < arm.links
+        is_bar = i < arm.n_links
         free = bool(constants.free[i]) and is_bar
         if i in chain.starts:
             link, bar = link + 1, 0

@@ -133,7 +133,7 @@ def casadi_model(
     except ImportError:
         raise library_missing("CasADi", "casadi") from None
     parametric = ParametricArm(arm, parameters, prescribed)
-    sizes = {"q": arm.dof, "qd": arm.dof, "qdd": arm.dof, "torque": arm.joints, "tip_force": 3}
+    sizes = {"q": arm.dof, "qd": arm.dof, "qdd": arm.dof, "torque": arm.n_joints, "tip_force": 3}
     sizes |= {"closure_forces": arm.closure_rows, "parameters": len(parametric.paths)}
     symbols = {name: casadi.SX.sym(name, size) for name, size in sizes.items()}
     entries = {
@@ -227,7 +227,7 @@ class JaxModel:
         self._parametric = parametric
         self._run = jax.jit(self._trace, static_argnums=0)
         sizes = {"q": self.arm.dof, "qd": self.arm.dof, "qdd": self.arm.dof}
-        sizes |= {"torque": self.arm.joints, "tip_force": 3, "parameters": len(self.parameters)}
+        sizes |= {"torque": self.arm.n_joints, "tip_force": 3, "parameters": len(self.parameters)}
         sizes["closure_forces"] = self.arm.closure_rows
         self._sizes = sizes
 

@@ -145,7 +145,7 @@ def reference_of(arm: Arm, drive: drives.ControllerDrive, motion: TaskReference 
         return Followed(motion, "pressed", motion.holding_torque, motion.initial)
     kind = drive.reference_kind
     if kind is None:
-        if arm.dof == arm.joints:
+        if arm.dof == arm.n_joints:
             return _rigid(arm, motion, followed=True)
         try:
             return _quasi_static(arm, motion)

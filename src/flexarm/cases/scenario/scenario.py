@@ -96,7 +96,7 @@ def start_of(
         EquilibriumError: if an equilibrium is requested and none is found.
     """
     asked = scenario.initial
-    angles = np.zeros(arm.joints)
+    angles = np.zeros(arm.n_joints)
     if asked.joint_angle is not None:
         angles = np.array(asked.joint_angle)
     elif followed.initial is not None:
@@ -270,7 +270,7 @@ class Prepared:
         if plant is not None:
             options["plant"] = plant
             if self.in_volts:  # the motors of the simulated arm convert the same voltages
-                one = np.ones(plant.joints)
+                one = np.ones(plant.n_joints)
                 factors = plant.motor_torque(one) / self.arm.motor_torque(one)
                 options["torque"] = options["torque"].scaled(factors)
         options |= instead
@@ -366,7 +366,7 @@ def prepare(
     options["initial"] = start.q
     rate, velocity = scenario.initial.joint_rate, scenario.initial.base_velocity
     if rate is not None or velocity is not None:
-        joint_rate = np.zeros(arm.joints) if rate is None else rate
+        joint_rate = np.zeros(arm.n_joints) if rate is None else rate
         options["initial_rate"] = arm.rest(joint_rate, velocity)
     if start.prescribed:
         options["prescribed"] = start.prescribed
@@ -461,7 +461,7 @@ def _set_drive(
         if in_volts(drive):
             values = arm.motor_torque(values)
         history = sampled_torque(
-            values, drive.rate, scenario.run.duration, arm.joints, drive.interpolation
+            values, drive.rate, scenario.run.duration, arm.n_joints, drive.interpolation
         )
         options["torque"] = history if start.holding is None else history.shifted(start.holding)
         options["torque_interpolation"] = drive.interpolation

@@ -18,11 +18,11 @@ def about_arm(arm: Arm) -> list[tuple[str, str]]:
     gx, gy = spec.gravity
     gravity = f"gravity ({gx:g}, {gy:g}) m/s^2" if gx or gy else "no gravity"
     theory = spec.theory.replace("_", "-")
-    size = f"{_count(arm.links, 'link')}, {_count(arm.dof, 'coordinate')}"
+    size = f"{_count(arm.n_links, 'link')}, {_count(arm.dof, 'coordinate')}"
     rows = [("arm", f"{size}, {theory} theory, {gravity}")]
     for number, link in enumerate(spec.links, start=1):
         if number > _MOST_LINKS_SHOWN:
-            rows.append(("", f"... and {arm.links - _MOST_LINKS_SHOWN} more links"))
+            rows.append(("", f"... and {arm.n_links - _MOST_LINKS_SHOWN} more links"))
             break
         bends = f"{_count(link.elements, 'element')}, {_count(link.coordinates, 'mode')}"
         if link.segments > 1:

@@ -379,7 +379,7 @@ def evaluated_together(
     for key, group in groups:
         shared = {name: value for name, value in key.items() if name != "model"}
         samples = shared["duration"] * shared["rate"] + 1.0
-        width = 2 + 2 * group[0][0].prepared.arm.joints
+        width = 2 + 2 * group[0][0].prepared.arm.n_joints
         size = max(1, int(_MEMORY / (8.0 * samples * width)))
         for first in range(0, len(group), size):
             part = group[first : first + size]

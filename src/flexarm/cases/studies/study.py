@@ -107,6 +107,9 @@ class Study:
                 names = [metric.name for metric in RECORDED]
                 check_choice("metric", spec.samples.stop.metric, names)
 
+    def __repr__(self) -> str:
+        return f"<flexarm.Study: {self.samples} samples, {self.runs} runs>"
+
     @public_call
     def run(
         self,

@@ -250,8 +250,13 @@ def init(
     write_text(texts[1], scenario)
     print_line(f"arm in {arm}")
     print_line(f"scenario in {scenario}")
-    print_line(f"next: flexarm check {scenario}")
-    print_line(f"      flexarm run {scenario} --animate {folder / 'arm.html'}")
+    print_line(f"next: flexarm check {_quoted(scenario)}")
+    print_line(f"      flexarm run {_quoted(scenario)} --animate {_quoted(folder / 'arm.html')}")
+
+
+def _quoted(path: Path) -> str:
+    """Return a path as an argument of a command, in quotes if it contains spaces."""
+    return f'"{path}"' if any(map(str.isspace, str(path))) else str(path)
 
 
 def _arm_text(links: int, gravity: bool, kind: _Kind) -> str:

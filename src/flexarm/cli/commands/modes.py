@@ -87,7 +87,7 @@ def modes(
     else:
         with one_warning() as warnings:  # printed below in one line
             if model.closure_rows:  # near the angles
-                q = linear.assembled(model, model.rest(posture or np.zeros(model.joints))).q
+                q = linear.assembled(model, model.rest(posture or np.zeros(model.n_joints))).q
                 state = linear.equilibrium(model, start=q) if sag else q
                 vibration = linear.modes(model, None, condition, q=state)
             else:
@@ -107,7 +107,7 @@ def _joints(
     """Return the condition of the joints, and its text for a title."""
     if proportional is None and derivative is None:
         word = state or "locked"
-        return word, f" with the joints {word}" if arm.joints else ", no joint turns"
+        return word, f" with the joints {word}" if arm.n_joints else ", no joint turns"
     if state is not None:
         rule = "cannot be combined with --proportional or --derivative"
         raise InputError(Problem("--joints", rule))

@@ -167,7 +167,7 @@ def loop_margins(
         check_reference(reference)
     arms = plants_of(controller, plants)
     places = places_of(controller, next(iter(arms.values())), postures, reference)
-    names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).joints)
+    names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).n_joints)
     found = {name: np.zeros(shape) for name, *_ in _MARGINS}
     growth, damping = np.zeros(shape[:2]), np.full((2, *shape[:2], _POLES), np.nan)
     bent: list[str] = []
@@ -250,16 +250,16 @@ def plants_of(
         rule = "be given, because the controller has no arm"
         raise InputError(Problem(name, rule, "None"))
     named = named_arms(own if plants is None else plants)
-    joints = [arm.joints for arm in named.values()]
+    joints = [arm.n_joints for arm in named.values()]
     if len(set(joints)) > 1:
         raise InputError(Problem("plants", "be arms with the same number of joints", shown(plants)))
-    if isinstance(own, Arm) and own.joints != joints[0]:
-        rule = f"have the number of joints of the controller's arm ({own.joints})"
+    if isinstance(own, Arm) and own.n_joints != joints[0]:
+        rule = f"have the number of joints of the controller's arm ({own.n_joints})"
         raise InputError(Problem("plants", rule, shown(joints[0])))
     for name, arm in named.items():
         required = requirements_of(controller, arm, None)
-        if required.joints not in (None, arm.joints):
-            rule = f"is for {required.joints} joint(s), but the plant {name!r} has {arm.joints}"
+        if required.joints not in (None, arm.n_joints):
+            rule = f"is for {required.joints} joint(s), but the plant {name!r} has {arm.n_joints}"
             raise InputError(Problem("controller", rule))
         if "strain" in required.measured and required.gauges not in (None, len(arm.gauges)):
             rule = f"have {required.gauges} gauge(s), which {type(controller).__name__} reads"
@@ -296,13 +296,13 @@ def places_of(
         return [(float(t), np.asarray(reference.joint_angle(float(t)))) for t in times]
     if postures is None:
         designs = getattr(controller, "designs", ())
-        listed = [item.posture for item in designs] or [np.zeros(arm.joints)]
+        listed = [item.posture for item in designs] or [np.zeros(arm.n_joints)]
         return [(0.0, posture) for posture in listed]
     angles = check_numbers(name, postures, "be numbers of shape (any, joints)")
     if not angles.size:
         raise InputError(Problem(name, "are empty"))
     angles = angles[None] if angles.ndim == 1 else angles
-    checked = check_array(name, angles, (-1, arm.joints))
+    checked = check_array(name, angles, (-1, arm.n_joints))
     return [(0.0, posture) for posture in checked]
 
 
@@ -412,4 +412,4 @@ def recommended_sample_time(arm: Arm, angles: FloatArray | None = None) -> float
 
 def controlled_modes(arm: Arm, frequencies: FloatArray) -> int:
     """Return the number of modes that a controller damps: one for each joint, if it exists."""
-    return min(arm.joints, frequencies.size)
+    return min(arm.n_joints, frequencies.size)

@@ -322,7 +322,7 @@ def model_at(
 
     Joints that are not ``actuated`` have no torque.
     """
-    angles = check_posture("posture", posture, arm.joints, turning_joints(arm))
+    angles = check_posture("posture", posture, arm.n_joints, turning_joints(arm))
     coordinates = MinimalCoordinates(arm, actuated, angles, contacts)
     rest = coordinates.at_rest(coordinates.closed(angles), contacts)
     model = coordinates.linearized(rest, ("torque",), signals)

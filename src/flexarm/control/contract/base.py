@@ -106,8 +106,8 @@ def _checked_requirements(
         if reference is not None:
             check_reference(reference)
         found = requirements(self, check_kind("arm", arm, Arm), reference)
-        if found.joints in (None, arm.joints):
-            _check_feedforward(self, arm.joints)
+        if found.joints in (None, arm.n_joints):
+            _check_feedforward(self, arm.n_joints)
         return found
 
     return checked
@@ -551,5 +551,5 @@ class Around(Controller):
         """Return the requirements of the inner controller and those of ``joints`` joints."""
         inner = requirements_of(self.inner, arm, reference)
         measured = tuple(dict.fromkeys([*JOINTS, *inner.measured]))
-        count = joints if joints != arm.joints else inner.joints
+        count = joints if joints != arm.n_joints else inner.joints
         return ControllerRequirements(count, measured, inner.gauges)

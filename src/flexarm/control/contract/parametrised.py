@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from inspect import Parameter, Signature, cleandoc, signature
 from typing import Any, ClassVar, get_args
@@ -12,15 +12,26 @@ from pydantic import Field, ValidationError
 
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_kind, check_positive
-from flexarm.base.errors import InputError, Problem, problems_of, public_call, unknown_arguments
+from flexarm.base.errors import (
+    InputError,
+    Problem,
+    problems_of,
+    public_call,
+    shown,
+    unknown_arguments,
+)
+from flexarm.base.notebook import html_table
 from flexarm.control.contract.base import Controller, check_controller, joint_problems
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.checks import TypeText, args_text, faults_of, type_text
 from flexarm.model.drives.base import Declared, Parameters, parameters_of, record_of
 from flexarm.model.quantities import ListPerJoint
+from flexarm.model.units import unit_of
 
 #: The parameter that is the last keyword argument.
 _LAST = "sample_time"
+#: Parameters in the text of an object; its table has all.
+_MOST_SHOWN = 4
 #: Sections of a docstring that follow the arguments.
 _AFTER_ARGS = ("\nAttributes:\n", "\nRaises:\n", "\nReferences:\n")
 
@@ -57,7 +68,7 @@ class Parametrised(Parameters):
         bound.apply_defaults()
         found = dict(bound.arguments)
         arm = found.get("arm")
-        joints = arm.joints if isinstance(arm, Arm) else None
+        joints = arm.n_joints if isinstance(arm, Arm) else None
         problems = _object_problems(kind, found)
         checked, wrong = _validated(kind, given, joints)
         problems += wrong
@@ -75,6 +86,24 @@ class Parametrised(Parameters):
 
     def __post_init__(self) -> None:
         """Complete the construction; every parameter is an attribute."""
+
+    def __repr__(self) -> str:
+        words = [f"{name} {text}" for name, text, _ in self._rows() if name != "arm"]
+        words[_MOST_SHOWN:] = ["..."] * (len(words) > _MOST_SHOWN)
+        return f"<flexarm.{type(self).__name__}: {', '.join(words)}>"
+
+    def _repr_html_(self) -> str:
+        heads = ("parameter", "value", "unit")
+        return html_table(f"flexarm.{type(self).__name__}", heads, self._rows())
+
+    def _rows(self) -> Iterator[tuple[str, str, str]]:
+        """Yield name, value and unit of each parameter that is not at its default."""
+        kind: Any = type(self)
+        for name, item in _parameters(kind).items():
+            value = getattr(self, name, None)
+            plain = value.tolist() if isinstance(value, np.ndarray) else value
+            if plain is not None and plain != item.default:
+                yield name, shown(plain), unit_of(item.description)
 
     def _per_joint(self) -> list[Any]:
         """Return the values of the parameters that may have one number for each joint."""

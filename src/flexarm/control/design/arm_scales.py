@@ -88,7 +88,7 @@ def typical_torque(arm: Arm, posture: ArrayLike | None, rate: float) -> FloatArr
     By a quarter of its square, for the rigid model in a posture (joints,) rad; zero by default. The
     base and the other joints are at rest, without closures.
     """
-    at = np.zeros(arm.joints) if posture is None else np.asarray(posture, dtype=np.float64)
+    at = np.zeros(arm.n_joints) if posture is None else np.asarray(posture, dtype=np.float64)
     rigid = arm.rigid()
     inertia = np.diag(rigid.mass_matrix(rigid.rest(at)))[rigid.joint_index]
     torque: FloatArray = _BRISK * rate**2 * inertia
@@ -186,7 +186,7 @@ def slow_rate(arm: Arm, sample_time: float, delay: float = 0.0) -> float:
     rate = min(lowest_frequency(arm), RIGID / sample_time)
     if delay == 0.0:
         return rate
-    near, whole = joint_inertias(arm, np.zeros((1, arm.joints)))
+    near, whole = joint_inertias(arm, np.zeros((1, arm.n_joints)))
     return min(rate, _LATE / (delay + 0.5 * sample_time) * float(np.min(near / whole)))
 
 
@@ -196,12 +196,13 @@ def joint_inertias(arm: Arm, postures: FloatArray) -> tuple[FloatArray, FloatArr
     The least one that a torque turns at high frequencies, when the links do not follow; and the
     largest one of the rigid arm.
     """
-    rigid, found = arm.rigid(), ([], [])
+    rigid, near, whole = arm.rigid(), np.inf, 0.0
     for angles in postures:
         inverse = np.linalg.inv(arm.mass_matrix(arm.rest(angles)))
-        found[0].append(1.0 / np.diag(inverse)[arm.joint_index])
-        found[1].append(np.diag(rigid.mass_matrix(rigid.rest(angles)))[rigid.joint_index])
-    return np.min(found[0], axis=0), np.max(found[1], axis=0)
+        near = np.minimum(near, 1.0 / np.diag(inverse)[arm.joint_index])
+        mass = rigid.mass_matrix(rigid.rest(angles))
+        whole = np.maximum(whole, np.diag(mass)[rigid.joint_index])
+    return np.asarray(near), np.asarray(whole)
 
 
 def arm_scales(arm: Arm, rate: float) -> ArmScales:

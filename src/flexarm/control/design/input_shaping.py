@@ -77,9 +77,9 @@ def shaped(
     vibration = {"modes": modes, "frequency_hz": frequency_hz, "damping_ratio": damping_ratio}
     widths = {"tolerance": tolerance, "insensitivity": insensitivity}
     options = checked_arguments(ShapingSpec, method=method, **vibration, **widths)
-    if arm is not None and check_kind("arm", arm, Arm).joints != motion.joints:
+    if arm is not None and check_kind("arm", arm, Arm).n_joints != motion.joints:
         rule = f"have the number of joints of the motion ({motion.joints})"
-        raise InputError(Problem("arm", rule, f"{arm.joints}"))
+        raise InputError(Problem("arm", rule, f"{arm.n_joints}"))
     if options.frequency_hz is None:
         if arm is None:
             raise InputError(Problem("arm", "is required if there is no frequency_hz"))
@@ -153,7 +153,7 @@ def _impulses(options: ShapingSpec, ratio: float) -> Impulses:
 
 def _chosen(modes: int | Sequence[int], arm: Arm) -> NDArray[np.intp]:
     """Return the indices (from 0) of the modes to shape for."""
-    most = arm.dof - arm.joints
+    most = arm.dof - arm.n_joints
     if most == 0:
         raise InputError(Problem("arm", "has no bending modes"))
     numbers = range(1, modes + 1) if isinstance(modes, int) else modes

@@ -150,7 +150,7 @@ def design(
     rest = coordinates.at_rest(posture)
     model = coordinates.linearized(rest, inputs, names)
     A, B_all = sampled(model, sample_time, np.eye(len(model.mass))[:, unbalanced])
-    n, m = len(A), arm.joints
+    n, m = len(A), arm.n_joints
     # Passive joints have no torque: their columns of zeros leave their gains zero.
     B = B_all[:, :m] * coordinates.driven
     C = rows_of(model, tuple(requirements.measured))

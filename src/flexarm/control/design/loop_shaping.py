@@ -83,7 +83,7 @@ def shaping(arm: Arm, posture: FloatArray, bandwidth: FloatArray) -> tuple[Float
     """Return N (joints, joints) and the shaped output (joints, 2 joints) of (C.141)."""
     half = np.asarray(np.linalg.cholesky(RigidModel(arm).mass_matrix(posture)), dtype=np.float64)
     root = half * np.sqrt(bandwidth)
-    shown: FloatArray = root.T @ np.hstack([np.diag(_LEAD * bandwidth), np.eye(arm.joints)])
+    shown: FloatArray = root.T @ np.hstack([np.diag(_LEAD * bandwidth), np.eye(arm.n_joints)])
     return root, shown
 
 

@@ -92,7 +92,7 @@ class MinimalCoordinates:
             return posture
         rigid = arm.rigid()
         fixed = rigid.joint_index[np.isin(arm.joint_index, self._fixed)]
-        fixed = fixed if fixed.size < arm.joints else fixed[:0]
+        fixed = fixed if fixed.size < arm.n_joints else fixed[:0]
         return closed_posture(rigid, rigid.rest(posture), fixed)[0][rigid.joint_index]
 
     def closed_near(self, posture: FloatArray, others: FloatArray) -> FloatArray:
@@ -188,7 +188,7 @@ class MinimalCoordinates:
         """
         on = Z.T @ force
         moved = Z[self.arm.joint_index[self.driven]]
-        torque = np.zeros(self.arm.joints)
+        torque = np.zeros(self.arm.n_joints)
         torque[self.driven] = np.linalg.pinv(moved[:, self.led].T) @ on[self.led]
         return torque, on[self.unbalanced] - moved[:, self.unbalanced].T @ torque[self.driven]
 
@@ -199,7 +199,7 @@ def drifting(arm: Arm, contacts: Sequence[Contact] = ()) -> FloatArray:
     # Closures between links do not act on the base, but their rows depend on its angle while the
     # loops are open.
     if loose.size and any(closure.to_link is None for closure in arm.spec.closures):
-        J = arm.closure_jacobian(arm.rest(np.zeros(arm.joints)))
+        J = arm.closure_jacobian(arm.rest(np.zeros(arm.n_joints)))
         loose = loose[~np.any(J[:, loose], axis=0)]
     body = {coordinate.place: coordinate.body for coordinate in arm.assembly.base}
     damped = [arm.assembly.constants.joint_damping[body[place]] > 0.0 for place in loose]

@@ -327,7 +327,10 @@ class PreviewedReference:
         arm = model.arm
         # Samples fill these buffers from the start. At the end they are copied back to the start.
         places = 3 * steps + _AHEAD
-        self._angle, self._torque = np.zeros((places, arm.joints)), np.zeros((places, arm.joints))
+        self._angle, self._torque = (
+            np.zeros((places, arm.n_joints)),
+            np.zeros((places, arm.n_joints)),
+        )
         self._q, self._qd = np.zeros((places, arm.dof)), np.zeros((places, arm.dof))
         self._missing = np.zeros((places, model.unbalanced))
         shown = show(self._q[:1], self._qd[:1])
@@ -434,8 +437,8 @@ class RecordedRun:
         except AttributeError:
             raise InputError(Problem("nominal", "be a result of simulate", shown(run))) from None
         shapes = self._q.shape, self._torque.shape
-        if shapes != ((self._time.size, arm.dof), (self._time.size, arm.joints)):
-            rule = f"be a run of an arm with {arm.dof} coordinates and {arm.joints} joints"
+        if shapes != ((self._time.size, arm.dof), (self._time.size, arm.n_joints)):
+            rule = f"be a run of an arm with {arm.dof} coordinates and {arm.n_joints} joints"
             raise InputError(Problem("nominal", rule, f"one with {self._q.shape[1]} coordinates"))
 
     def reset(self) -> None:
@@ -487,7 +490,7 @@ def chord_matrix(arm: Arm) -> FloatArray:
 
     For bending in the lowest modes with locked joints, as many as the gauges determine.
     """
-    model, straight = FlexibleModel(arm), np.zeros(arm.joints)
+    model, straight = FlexibleModel(arm), np.zeros(arm.n_joints)
     shapes = modes(arm, straight).shapes[: len(model.strains)]
     turned = model.chords(straight) @ shapes[:, model.elastic].T
     rotations: FloatArray = turned @ np.linalg.pinv(model.strains @ shapes.T)

@@ -50,7 +50,7 @@ class RigidModel:
         fixed = self.arm if self._base is None else self._base.fixed
         closed = actuated is not None or self.arm.closure_rows
         self._actuation = Actuation(fixed, actuated) if closed else None
-        self.joints = arm.joints
+        self.joints = arm.n_joints
         self._kernels = kernels = KernelView(self.arm.assembly.constants)
         self._bodies = self.arm.assembly.joint_body
         self._state, self._acceleration = kernels.zeros(2), kernels.zeros()
@@ -153,7 +153,7 @@ class SaggingArm:
         elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
         self._places = np.unravel_index(assembly.coordinates[elastic], self._still.shape)
         weightless = Arm(arm.spec.replace(gravity=(0.0, 0.0)))
-        stiffness = weightless.stiffness_matrix(weightless.rest(np.zeros(arm.joints)))
+        stiffness = weightless.stiffness_matrix(weightless.rest(np.zeros(arm.n_joints)))
         self._compliance = np.linalg.inv(stiffness[np.ix_(elastic, elastic)])
 
     def first_sag(self, angle: FloatArray) -> FloatArray:
@@ -204,7 +204,7 @@ class RigidParameters:
         self, arm: Arm, names: Sequence[str] = (), smoothing_rate: FloatArray | None = None
     ) -> None:
         serial_only(arm.spec, "a controller with parameters of the rigid model", UNDRIVEN[:1])
-        self.names, self.joints = tuple(names), arm.joints
+        self.names, self.joints = tuple(names), arm.n_joints
         rigid = arm.rigid()
         exact = rigid.assembly.constants
         self._bodies = rigid.assembly.joint_body
@@ -292,7 +292,7 @@ def _directions(rigid: Arm, names: Sequence[str]) -> list[FloatArray]:
 
 def parameter_names(arm: Arm) -> tuple[str, ...]:
     """Return the names of all parameters of an arm for ``RigidParameters``."""
-    links = [f"link_{i}.{name}" for i in range(1, arm.links + 1) for name in _LINK]
+    links = [f"link_{i}.{name}" for i in range(1, arm.n_links + 1) for name in _LINK]
     joints = [f"joint_{i}.{name}" for i in arm.joint_numbers for name in _JOINT]
     return (*links, *joints, *(f"payload.{name}" for name in _PAYLOAD))
 
@@ -367,10 +367,10 @@ class TaskSpace:
         assembly = arm.rigid().assembly
         self._kernels = kernels = KernelView(assembly.constants)
         moved = KernelView(assembly.constants, complex)
-        self.joints = count = arm.joints
+        self.joints = count = arm.n_joints
         shapes = (3, 2), (2, count), (count, count), (count,)
         self._state = TaskState(*map(np.zeros, shapes))
-        self._angle, self._rate = np.zeros(arm.joints), np.zeros(arm.joints)
+        self._angle, self._rate = np.zeros(arm.n_joints), np.zeros(arm.n_joints)
         motion = assembly.joint_body, self._angle, self._rate
         work = kernels.loads, kernels.zeros(2), kernels.zeros(), kernels.work
         buffers = moved.zeros(2), *moved.pose_arrays(), np.zeros((2, assembly.bodies))
@@ -468,7 +468,7 @@ class TaskPlan(_SampledRows):
 
     def __init__(self, arm: Arm, sample_time: float) -> None:
         super().__init__(sample_time)
-        self._chain, self._joints = rigid_chain(arm), arm.joints
+        self._chain, self._joints = rigid_chain(arm), arm.n_joints
 
     def request(self, row: FloatArray) -> TaskReference:
         """Return the request with the numbers of a row."""

@@ -68,7 +68,7 @@ def first_variance(
     sizes, base = coordinate_sizes(arm), [coordinate.place for coordinate in arm.assembly.base]
     variance[arm.dof + joints] = (given.rate_deviation * sizes[joints]) ** 2
     if base:
-        mass = np.diag(arm.mass_matrix(arm.rest(np.zeros(arm.joints))))
+        mass = np.diag(arm.mass_matrix(arm.rest(np.zeros(arm.n_joints))))
         variance[np.add(arm.dof, base)] = energy / mass[base]
         variance[base] = np.minimum(variance[base], sizes[base] ** 2)
     return variance
@@ -106,7 +106,7 @@ def _inertia(arm: Arm, joint: int) -> float:
     """Return the inertia of the straight rigid arm about a joint, by index; kg m^2 or kg."""
     rigid = arm.rigid()
     place = rigid.joint_index[joint]
-    return float(rigid.mass_matrix(rigid.rest(np.zeros(arm.joints)))[place, place])
+    return float(rigid.mass_matrix(rigid.rest(np.zeros(arm.n_joints)))[place, place])
 
 
 @dataclass
@@ -217,7 +217,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         self._readings = PredictedReadings(arm, self.instruments, biased)
         disturbed = np.any(self.disturbance_deviation) or np.any(self.disturbance_drift)
         paths = tuple(self._prior)
-        self._layout = Layout(arm.dof, paths, arm.joints if disturbed else 0, biased)
+        self._layout = Layout(arm.dof, paths, arm.n_joints if disturbed else 0, biased)
         self.reset()
 
     def _scale_defaults(self) -> None:
@@ -263,7 +263,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
             self._scale_defaults()
         self._nominal = self._step.free.values
         layout = self._layout
-        self._torque = np.zeros(self.arm.joints)
+        self._torque = np.zeros(self.arm.n_joints)
         self._walk = np.zeros(layout.size)  # variances of the walks over a sample
         drifts = np.array([self._drift.get(path, 0.0) for path in layout.paths])
         self._walk[layout.parameters] = self.sample_time * drifts**2
@@ -456,7 +456,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
             InputError: if there is no sample, readings of an instrument are missing, or their
                 number differs from that of the torques.
         """
-        torques = check_array("torque", torque, (-1, self.arm.joints))
+        torques = check_array("torque", torque, (-1, self.arm.n_joints))
         if not len(torques):
             raise InputError(Problem("torque", "have at least one sample", shown(torque)))
         given_by_name = check_mapping("readings", readings, "names and readings")
@@ -506,7 +506,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
     def _disturbance(self, x: FloatArray) -> FloatArray:
         """Return the disturbance torques (joints,) of the estimated numbers."""
         layout = self._layout
-        return x[layout.disturbance].copy() if layout.disturbed else np.zeros(self.arm.joints)
+        return x[layout.disturbance].copy() if layout.disturbed else np.zeros(self.arm.n_joints)
 
     def _mean(self, state: FloatArray, mass: float) -> FloatArray:
         """Return the estimated numbers of a start at [q, qd] and a mass."""

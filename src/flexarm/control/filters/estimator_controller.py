@@ -65,10 +65,10 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
         inner = requirements_of(self.inner, arm, reference)
         own = [item.label for item in self.estimator.instruments]
         more = [name for name in inner.measured if name not in _ESTIMATED]
-        joints = self.estimator.arm.joints
+        joints = self.estimator.arm.n_joints
         gauges = len(self.estimator.arm.gauges) if "strain" in own else None
         return ControllerRequirements(
-            joints if joints != arm.joints else inner.joints,
+            joints if joints != arm.n_joints else inner.joints,
             tuple(dict.fromkeys([*own, *more])),
             gauges if gauges not in (None, len(arm.gauges)) else inner.gauges,
         )

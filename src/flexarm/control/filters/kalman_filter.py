@@ -161,7 +161,7 @@ class KalmanFilter(StateEstimator):
 
     def _stay(self) -> None:
         for part in self._parts:
-            part.moved = np.zeros((part.x.size, self.arm.joints))
+            part.moved = np.zeros((part.x.size, self.arm.n_joints))
 
     def _correct(self, seen: PredictedReadings, readings: FloatArray) -> float:
         """See ``StateEstimator._correct``."""
@@ -241,12 +241,12 @@ class ExtendedKalmanFilter(KalmanFilter):
     """
 
     def _propagate(self, part: Hypothesis) -> None:
-        link = self._model.carry(part.x, self._torque, np.zeros(self.arm.joints))
+        link = self._model.carry(part.x, self._torque, np.zeros(self.arm.n_joints))
         part.x, part.P, part.moved = link.after, propagated(part.P, link), link.G
         self._add_drift(part)
 
     def _update(self, part: Hypothesis, seen: PredictedReadings, readings: FloatArray) -> Predicted:
-        none = np.zeros(self.arm.joints)
+        none = np.zeros(self.arm.n_joints)
         constants = np.eye(part.x.size), np.diag(seen.variance)
         part.x, part.P, *predicted = corrected(
             lambda x: self._model.observe(seen, x, self._torque, none),
@@ -322,7 +322,7 @@ class UnscentedKalmanFilter(KalmanFilter):
     not_exported: ClassVar[str] = "An unscented filter needs eigenvectors at every sample."
 
     def _propagate(self, part: Hypothesis) -> None:
-        joints = self.arm.joints
+        joints = self.arm.n_joints
         points = _sigma_points(part.x, part.P, np.zeros((part.x.size, joints)))
         before, errors = points[:, :-joints], points[:, -joints:]
         after = before.copy()
@@ -335,7 +335,7 @@ class UnscentedKalmanFilter(KalmanFilter):
         part.moved = _covariance(after, errors)
 
     def _update(self, part: Hypothesis, seen: PredictedReadings, readings: FloatArray) -> Predicted:
-        joints = self.arm.joints
+        joints = self.arm.n_joints
         # Accelerometers measure the error of the torque that has changed the state.
         points = _sigma_points(part.x, part.P, part.moved)
         states, outputs = points[:, :-joints], np.zeros((len(points), seen.size))

@@ -285,7 +285,7 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
 
     def _start(self, x: FloatArray, covariance: FloatArray) -> None:
         """See ``StateEstimator._start``."""
-        joints = self.arm.joints
+        joints = self.arm.n_joints
         walk = self._walk.copy()
         walk[-1] = self.sample_time * self.payload_drift**2
         assert self._step is not None
@@ -333,7 +333,7 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
 
     def _predict(self) -> None:
         """See ``StateEstimator._predict``."""
-        last, none = self._nodes[-1], np.zeros(self.arm.joints)
+        last, none = self._nodes[-1], np.zeros(self.arm.n_joints)
         link = self._model.carry(last.x, self._torque, none)
         P = link.F @ self._current.P @ link.F.T + link.G @ link.G.T + np.diag(self._model.walk)
         self._current = Arrival(link.after, P, link.G)

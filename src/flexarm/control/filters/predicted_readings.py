@@ -13,7 +13,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import IntArray
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.arguments import check_numbers
-from flexarm.base.errors import InputError, Problem, few, shown
+from flexarm.base.errors import InputError, Problem, few, one_of, shown
 from flexarm.control.filters.estimates import Layout
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 from flexarm.kernels.compilation.cache import Entry
@@ -113,7 +113,7 @@ class PredictedReadings:
 
     def predict(self, x: FloatArray, torque: FloatArray, constants: Constants) -> Predicted:
         """Return the readings of a state x = [q, qd] (2 dof,) and their derivatives."""
-        slopes, joints = self.linear_rows.copy(), self.arm.joints
+        slopes, joints = self.linear_rows.copy(), self.arm.n_joints
         plain, moved = constants
         by_parameters = np.zeros((self.size, len(moved)))
         found = Predicted(slopes @ x, slopes, by_parameters, np.zeros((self.size, joints)))
@@ -234,8 +234,8 @@ def check_instruments(arm: Arm, instruments: Sequence[Instrument]) -> None:
     problems = []
     for item in instruments:
         if not (isinstance(item.output, Sensor) or item.signal in LINEAR_SIGNALS):
-            rule = "measure a Sensor or one of " + ", ".join(map(repr, LINEAR_SIGNALS))
-            problems.append(Problem("instruments", rule, shown(item.signal)))
+            rule, hint = one_of(item.signal, LINEAR_SIGNALS, "a Sensor or ")
+            problems.append(Problem("instruments", rule, shown(item.signal), hint))
         elif item.signal == "strain" and not arm.gauges:
             problems.append(Problem("instruments", "contain strain, but the arm has no gauges"))
         if not (item.noise or item.resolution):
@@ -256,6 +256,6 @@ def reading_rows(arm: Arm, item: Instrument) -> FloatArray:
     if item.signal == "strain":
         states = arm.padded(np.stack([np.eye(count), np.zeros((count, count))], axis=1))
         return np.hstack([arm.strains(states).T, np.zeros((len(arm.gauges), count))])
-    row = np.zeros((arm.joints, 2 * count))
-    row[np.arange(arm.joints), arm.joint_index + count * (item.signal == "joint_rate")] = 1.0
+    row = np.zeros((arm.n_joints, 2 * count))
+    row[np.arange(arm.n_joints), arm.joint_index + count * (item.signal == "joint_rate")] = 1.0
     return row

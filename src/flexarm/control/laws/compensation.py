@@ -51,7 +51,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
     def __post_init__(self) -> None:
         if self.cutoff is None:
             hertz = default_cutoff(self.arm, self.sample_time)
-            self.cutoff = np.full(self.arm.joints, hertz)
+            self.cutoff = np.full(self.arm.n_joints, hertz)
         self._model = RigidParameters(self.arm)
         closed = self.actuated is not None or self.arm.closure_rows
         self._actuation = Actuation(self.arm.rigid(), self.actuated) if closed else None
@@ -66,7 +66,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
     @property
     def estimate(self) -> FloatArray:
         """Estimated disturbance torque at the joints, (joints,) N m."""
-        return np.array(self.memory.get("estimate", np.zeros(self.arm.joints)))
+        return np.array(self.memory.get("estimate", np.zeros(self.arm.n_joints)))
 
     def reset(self) -> None:
         """Clear the state of the previous run, including the inner controller."""
@@ -74,7 +74,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
         self._taken = self._filtered()
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        return self._required(arm, reference, self.arm.joints)
+        return self._required(arm, reference, self.arm.n_joints)
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         now = self._model.momentum(readings.joint_angle, readings.joint_rate).copy()
@@ -164,7 +164,7 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Around):
         self._history = None
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        return self._required(arm, reference, joints_of(arm.joints, *self._per_joint()))
+        return self._required(arm, reference, joints_of(arm.n_joints, *self._per_joint()))
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
         now, followed = measurement.joint_angle, self._reference_or_rest(measurement, reference)
@@ -210,11 +210,11 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Around):
         if hardware is not None:
             check_kind("hardware", hardware, Hardware)
         plants_of(self.inner, plant, "plant")
-        required = joints_of(plant.joints, *self._per_joint())
-        if required != plant.joints:
-            rule = f"has numbers for {required} joint(s), but the plant has {plant.joints}"
+        required = joints_of(plant.n_joints, *self._per_joint())
+        if required != plant.n_joints:
+            rule = f"has numbers for {required} joint(s), but the plant has {plant.n_joints}"
             raise InputError(Problem("controller", rule))
-        posture = check_posture("posture", posture, plant.joints)
+        posture = check_posture("posture", posture, plant.n_joints)
         count, lead = self._samples()
         loop = loop_at(self.inner, plant, posture, hardware)
         check_single_rate(loop)

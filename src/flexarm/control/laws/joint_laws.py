@@ -68,7 +68,7 @@ class JointFollower(Parametrised, Controller):
 
     def _joints_for(self, arm: Arm, *more: FloatArray) -> int:
         """Return the number of joints of all parameters with a value for each, and of ``more``."""
-        return joints_of(arm.joints, *self._per_joint(), *more)
+        return joints_of(arm.n_joints, *self._per_joint(), *more)
 
     def planned(self, t: float, reference: Reference) -> Arrays:
         """Return the reference angles and rates, and the feedforward torque."""
@@ -142,7 +142,7 @@ class JointPID(JointFollower, JointPIDParameters):
         self._weight: RigidModel | SaggingArm | None = None
         if arm is not None:
             limits = {"torque_limit": self.torque_limit}
-            if problems := joint_problems(arm.joints, limits):
+            if problems := joint_problems(arm.n_joints, limits):
                 raise InputError(*problems)
             self._weight = SaggingArm(arm) if self.sag else RigidModel(arm)
         elif self.sag:

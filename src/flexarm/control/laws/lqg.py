@@ -101,7 +101,7 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def __post_init__(self) -> None:
         arm = self.arm
-        self.posture = np.zeros(arm.joints) if self.posture is None else np.array(self.posture)
+        self.posture = np.zeros(arm.n_joints) if self.posture is None else np.array(self.posture)
         # The property reads another attribute, which the design sets.
         rate = typical_rate(arm, vars(self)["sample_time"])
         self._scale_defaults(rate)
@@ -190,7 +190,7 @@ class LQG(LQGParameters, OfArm, Controller):
         self._delayed = round(self.delay / self._sample_time)
         self._arrays = Interpolated(self._grid, [self._node(item) for item in self.designs])
         self._motion = self._nominal_motion()
-        self._joints = self.arm.joints
+        self._joints = self.arm.n_joints
         self.reset()
 
     def _node(self, item: Design) -> list[FloatArray]:
@@ -224,7 +224,7 @@ class LQG(LQGParameters, OfArm, Controller):
         integrated = [name for name in requirements.integrated if name != CHORD]
         read = tuple(dict.fromkeys([*first, *requirements.measured, *integrated]))
         gauges = len(self.arm.gauges) if "strain" in read else None
-        return ControllerRequirements(self.arm.joints, read, gauges)
+        return ControllerRequirements(self.arm.n_joints, read, gauges)
 
     @property
     def estimate(self) -> FloatArray:
@@ -362,11 +362,11 @@ class LQG(LQGParameters, OfArm, Controller):
             EquilibriumError: if the plant has no equilibrium at ``posture``.
         """
         arm = self.arm if plant is None else check_kind("plant", plant, Arm)
-        if arm.joints != self.arm.joints:
-            rule = f"have the number of joints of the arm ({self.arm.joints})"
-            raise InputError(Problem("plant", rule, str(arm.joints)))
+        if arm.n_joints != self.arm.n_joints:
+            rule = f"have the number of joints of the arm ({self.arm.n_joints})"
+            raise InputError(Problem("plant", rule, str(arm.n_joints)))
         posture = self.posture if posture is None else posture
-        at = check_array("posture", posture, (self.arm.joints,))
+        at = check_array("posture", posture, (self.arm.n_joints,))
         with one_warning() as bent:
             poles: FloatArray = loop_at(self, plant, at).poles()
         warn_of_first(bent)
@@ -514,14 +514,14 @@ class Composite(CompositeParameters, LQG):
 
     def __post_init__(self) -> None:
         arm = self.arm
-        if arm.dof == arm.joints:
+        if arm.dof == arm.n_joints:
             raise InputError(Problem("arm", "has no flexible links"))
         super().__post_init__()
 
     def _scale_defaults(self, rate: float) -> None:
         """See `LQG`."""
         if self.bandwidth is None:
-            self.bandwidth = np.full(self.arm.joints, _BANDWIDTH * rate)
+            self.bandwidth = np.full(self.arm.n_joints, _BANDWIDTH * rate)
         bend = TIP * self.arm.reach
         usual = {"link_tip_deflection": bend, "link_tip_deflection_rate": _SPEED * bend * rate}
         self.acceptable = check_names("acceptable", self.acceptable or usual, BENDING, self.arm)
@@ -574,8 +574,8 @@ class Composite(CompositeParameters, LQG):
         weight = whole[np.ix_(joints, joints)] + whole[np.ix_(joints, elastic)] @ sag
         # Slow angles as a function of the state, without the bending due to acceleration: (C.35).
         carried = np.linalg.solve(rigid, coupling)
-        alone = np.linalg.inv(np.eye(arm.joints) + carried @ sag)
-        slow, rate = np.zeros((2, arm.joints, 2 * arm.dof))
+        alone = np.linalg.inv(np.eye(arm.n_joints) + carried @ sag)
+        slow, rate = np.zeros((2, arm.n_joints, 2 * arm.dof))
         slow[:, joints], slow[:, elastic] = alone, alone @ carried
         rate[:, arm.dof + joints], rate[:, arm.dof + elastic] = alone, alone @ carried
         # The acceleration that the slow part requests bends the links, and this bending changes the
@@ -585,7 +585,9 @@ class Composite(CompositeParameters, LQG):
         bend = -flexibility @ coupling.T
         moves = alone @ carried @ bend
         request = -stiff[:, None] * slow - damped[:, None] * rate
-        request = np.asarray(np.linalg.solve(np.eye(arm.joints) - stiff[:, None] * moves, request))
+        request = np.asarray(
+            np.linalg.solve(np.eye(arm.n_joints) - stiff[:, None] * moves, request)
+        )
         slow -= moves @ request
         swing = np.zeros((2 * k, 2 * arm.dof))
         swing[np.arange(2 * k), moved] = 1.0

@@ -47,7 +47,7 @@ class MPC(MPCParameters, LQG):
     references = "LawsonHanson1974"
 
     def _prepare(self) -> None:
-        joints = self.arm.joints
+        joints = self.arm.n_joints
         self._most = self.torque_limit
         self._rate_step = None if self.torque_rate is None else self.sample_time * self.torque_rate
         super()._prepare()
@@ -113,7 +113,7 @@ class MPC(MPCParameters, LQG):
 
     def _first_plan(self) -> dict[str, Any]:
         """Return the memory of plans before the first one, which is not a number."""
-        m = self.arm.joints
+        m = self.arm.n_joints
         plans = {"applied": np.full(m, np.nan), "plan": np.full(self.horizon * m, np.nan)}
         return {**plans, "limited": 0, "inaccurate": 0, "fallback": 0}
 
@@ -130,7 +130,7 @@ class MPC(MPCParameters, LQG):
     def _feedback(
         self, memory: Arrays, state: FloatArray, arrays: Sequence[FloatArray], inputs: Arrays
     ) -> tuple[FloatArray, Arrays]:
-        N, m = self.horizon, self.arm.joints
+        N, m = self.horizon, self.arm.n_joints
         ahead, free_by, by_torque, by_force = arrays[3:7]
         forces, nominal = inputs["forces_ahead"], inputs["torques_ahead"].ravel()
         window = sliding_window_view(forces, self._previewed + 1, axis=0)[:N, :, :: self._stride]
@@ -157,7 +157,7 @@ class MPC(MPCParameters, LQG):
     def _shifted(self, first: FloatArray, plans: dict[str, Any]) -> FloatArray:
         """Return the last plan, shifted by one sample; at the first sample ``first``."""
         plans["fallback"] += 1
-        plan, m = plans["plan"], self.arm.joints
+        plan, m = plans["plan"], self.arm.n_joints
         if np.isnan(plan[0]):
             return first  # the caller clips the torque
         return np.append(plan[m:], plan[-m:])
@@ -169,7 +169,7 @@ class MPC(MPCParameters, LQG):
         if self._rate_step is not None:
             change = self._difference @ torque
             step = np.tile(self._rate_step, self.horizon)
-            m = self.arm.joints
+            m = self.arm.n_joints
             if np.isnan(applied[0]):
                 step[:m] = np.inf  # the first torque is arbitrary
             else:
@@ -201,7 +201,7 @@ class MPC(MPCParameters, LQG):
 
     def _torque_by_unknown(self) -> FloatArray:
         """Return the torques of the horizon by unknowns whose sum of squares is the cost."""
-        N, m = self.horizon, self.arm.joints
+        N, m = self.horizon, self.arm.n_joints
         by_torque, _, price = self._arrays.arrays[5:8]
         root = np.linalg.inv(np.linalg.cholesky(price)).T
         by: FloatArray = (by_torque.reshape(-1, N, m) @ root).reshape(-1, N * m)

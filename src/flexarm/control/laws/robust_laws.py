@@ -73,7 +73,7 @@ class RobustFollower(JointFollower, RobustParameters, OfArm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        joints = self.arm.joints
+        joints = self.arm.n_joints
         self.posture = np.zeros(joints) if self.posture is None else np.array(self.posture)
         # The property reads another attribute, which the design sets.
         rate = typical_rate(self.arm, vars(self)["sample_time"])
@@ -98,7 +98,7 @@ class RobustFollower(JointFollower, RobustParameters, OfArm):
         """Design the controller for a sample time (s)."""
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        return ControllerRequirements(self.arm.joints, JOINTS)
+        return ControllerRequirements(self.arm.n_joints, JOINTS)
 
 
 class LoopShaping(RobustFollower, LoopShapingParameters):
@@ -236,7 +236,7 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
             arm = self.arm
             for name, without, missing in (
                 ("payload_uncertainty", not arm.spec.payload.mass, "payload"),
-                ("rigidity_uncertainty", arm.dof == arm.joints, "flexible link"),
+                ("rigidity_uncertainty", arm.dof == arm.n_joints, "flexible link"),
             ):
                 if without and getattr(self, name):
                     text = f"{name} has no effect: the arm has no {missing}. Set {name}=0."
@@ -355,7 +355,7 @@ def uncertain_plant(
         outputs.append(factor.T @ slope[n:] if of_mass else row)
         direct.append((factor.T if of_mass else 0.0 * factor.T) @ inputs[n:])
     outputs.append(shown @ model.C)
-    direct.append(np.zeros((arm.joints, inputs.shape[1])))
+    direct.append(np.zeros((arm.n_joints, inputs.shape[1])))
     A, B, C, D = bilinear(*held(slope, inputs, sample_time), np.vstack(outputs), sample_time)
     D += np.vstack(direct)
     blocks = tuple(factor.shape[1] for _, factor, _ in changes)
@@ -363,7 +363,7 @@ def uncertain_plant(
     nominal = A, B[:, first:], C[first:], D[first:, first:]
     corner = _SENSITIVITY_BANDWIDTH * float(np.min(bandwidth))
     whole = _with_performance((A, B, C, D), first, corner, sensitivity)
-    return UncertainPlant(whole, nominal, (*blocks, 2 * arm.joints), root, shown, model)
+    return UncertainPlant(whole, nominal, (*blocks, 2 * arm.n_joints), root, shown, model)
 
 
 def _changes(
@@ -374,7 +374,7 @@ def _changes(
     With gravity, both matrices depend on both changes, because the arm sags by another amount.
     """
     others = []
-    if rigidity and arm.dof > arm.joints:
+    if rigidity and arm.dof > arm.n_joints:
         others.append(varied(arm, flexural_rigidity_factor=1.0 + rigidity))
     if payload and arm.spec.payload.mass:
         others.append(varied(arm, payload_factor=1.0 + payload))

@@ -61,8 +61,8 @@ class SlidingVariable:
     ) -> None:
         self.bandwidth, self.strain_gain, self.washout = bandwidth, strain_gain, washout
         self.smoothing_rate = _SMOOTHED * bandwidth
-        self._gauge = np.zeros(arm.joints, dtype=np.intp)
-        self._per_strain = np.zeros(arm.joints)
+        self._gauge = np.zeros(arm.n_joints, dtype=np.intp)
+        self._per_strain = np.zeros(arm.n_joints)
         self._fed = bool(np.any(self.strain_gain > 0.0))
         for joint in np.flatnonzero(self.strain_gain > 0.0).tolist():  # the gauge nearest the root
             link = arm.joint_numbers[joint] - 1
@@ -80,8 +80,8 @@ class SlidingVariable:
     def requirements(self, arm: Arm) -> ControllerRequirements:
         """Return the requirements of a controller of ``arm``."""
         if self._fed:
-            return ControllerRequirements(arm.joints, (*JOINTS, "strain"), len(arm.gauges))
-        return ControllerRequirements(arm.joints, JOINTS)
+            return ControllerRequirements(arm.n_joints, (*JOINTS, "strain"), len(arm.gauges))
+        return ControllerRequirements(arm.n_joints, JOINTS)
 
     def reset(self, sample_time: float) -> None:
         """Set the sample time (s)."""
@@ -278,7 +278,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        joints = self.arm.joints
+        joints = self.arm.n_joints
         if np.any(self.upper < self.lower):
             raise InputError(Problem("upper", "be at least lower", shown(self.upper)))
         counts = self.centres.tolist()

@@ -119,7 +119,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
 
     def __post_init__(self) -> None:
         arm = self.arm
-        self.posture = np.zeros(arm.joints) if self.posture is None else np.array(self.posture)
+        self.posture = np.zeros(arm.n_joints) if self.posture is None else np.array(self.posture)
         limits = self._most_modes()
         most = min(limits.values())
         count = self.modes = max(1, most) if self.modes is None else self.modes
@@ -150,8 +150,8 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
     def _most_modes(self) -> dict[str, int]:
         """Return the numbers that limit the number of modes, by their names."""
         arm = self.arm
-        bending = arm.dof - arm.joints
-        return {"joint": arm.joints, "gauge": len(arm.gauges), "bending coordinate": bending}
+        bending = arm.dof - arm.n_joints
+        return {"joint": arm.n_joints, "gauge": len(arm.gauges), "bending coordinate": bending}
 
     def _joint_motion(self, shapes: FloatArray, moved: FloatArray) -> FloatArray:
         """Return the motion of the joints (joints, k) per motion in modal form, u of (C.17)."""
@@ -185,7 +185,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         self._nominal = PreviewedReference(*model, 1, self._static_strain)
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        required = self._required(arm, reference, self.arm.joints)
+        required = self._required(arm, reference, self.arm.n_joints)
         read = tuple(dict.fromkeys([*required.measured, "strain"]))
         return ControllerRequirements(required.joints, read, len(self.arm.gauges))
 
@@ -210,7 +210,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         state, strain = memory["state"], readings.strain - inputs["nominal_strain"]
         motion = applied(self._C, state) + applied(self._D, strain)
-        m = self.arm.joints
+        m = self.arm.n_joints
         shifted = {**inputs, "reference_angle": inputs["outer_angle"] + motion[:m]}
         shifted["reference_rate"] = inputs["outer_rate"] + motion[m:]
         inside, torque = self._inner_step(memory, readings, shifted)
@@ -409,7 +409,10 @@ class OutputRedefinition(OutputRedefinitionParameters, StrainDamping):
     references: ClassVar[str] = "WangVidyasagar1992 MadhavanSingh1991 Damaren1995"
 
     def _most_modes(self) -> dict[str, int]:
-        return {"gauge": len(self.arm.gauges), "bending coordinate": self.arm.dof - self.arm.joints}
+        return {
+            "gauge": len(self.arm.gauges),
+            "bending coordinate": self.arm.dof - self.arm.n_joints,
+        }
 
     def _joint_motion(self, shapes: FloatArray, moved: FloatArray) -> FloatArray:
         """Return the rotations (joints, modes) of the chords relative to each other, rad."""

@@ -95,7 +95,7 @@ class TaskController(OfArm, Controller):
         """Return the requirements: a reference that presses needs a measured force."""
         presses = self._reads_force and hasattr(reference, "contact_force")
         measured = (*JOINTS, "contact_force") if presses else JOINTS
-        return ControllerRequirements(self.arm.joints, measured)
+        return ControllerRequirements(self.arm.n_joints, measured)
 
     def planned(self, t: float, reference: Reference) -> Arrays:
         """Return the requested motion and force at t (s), in the order of `TaskReference`."""

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.actions import Environment, marker, parts_of, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
+from flexarm.arm.assembly.coordinates import check_state
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.bending import one_warning
 from flexarm.arm.closed import (
@@ -68,9 +69,9 @@ def linearize(
 
     Args:
         arm: the arm.
-        q: (dof,) operating point; or an `Equilibrium`, with its torque, loads and contacts; or None
-            for the equilibrium with the joints at zero, or with free joints under ``torque`` if
-            that is given.
+        q: (dof,) operating point; or joint angles (joints,) of straight links; or an
+            `Equilibrium`, with its torque, loads and contacts; or None for the equilibrium with the
+            joints at zero, or with free joints under ``torque`` if that is given.
         qd: (dof,) rates; zero by default.
         torque: (joints,) N m; by default those of the inverse dynamics at zero acceleration.
         inputs: "torque", "voltage" (of joints with a winding), "tip_force", "tip_moment",
@@ -141,13 +142,15 @@ def _operating_point(
         rule = "cannot be combined with an equilibrium, which contains its own"
         raise InputError(Problem("torque, loads and contacts", rule))
     rates = np.zeros(arm.dof) if qd is None else check_array("qd", qd, (arm.dof,))
-    place = q.q if isinstance(q, Equilibrium) else check_array("q", q, (arm.dof,))
+    place = q.q if isinstance(q, Equilibrium) else check_state(arm, "q", q)
     refuse_open(arm, "q", place)
     refuse_moving_apart(arm, "qd", place, rates)
     if isinstance(q, Equilibrium):
         own = replace(q.environment, base_acceleration=environment.base_acceleration)
         return _Point(place, rates, q.torque.copy(), own)
-    tau = np.zeros(arm.joints) if torque is None else check_array("torque", torque, (arm.joints,))
+    tau = (
+        np.zeros(arm.n_joints) if torque is None else check_array("torque", torque, (arm.n_joints,))
+    )
     return _Point(place, rates, tau, environment)
 
 
@@ -169,7 +172,7 @@ class _Perturbed:
         moved[1 : 1 + size] += STEP * 1j * self._directions()
         self.states = arm.padded(moved.reshape(self.rows, 2, arm.dof))
         torque = np.tile(point.torque.astype(complex), (self.rows, 1))
-        torque[1 + size :] += STEP * 1j * torque_places(inputs, arm.joints).T
+        torque[1 + size :] += STEP * 1j * torque_places(inputs, arm.n_joints).T
         self.torque = torque
         self.placed, self.values, self.bases = self._loads()
         self.accelerations = self._respond()

@@ -13,7 +13,7 @@ from flexarm.arm.actions import marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_choice, library_missing
-from flexarm.base.errors import InputError, Problem, check_frequencies, public_call, shown
+from flexarm.base.errors import InputError, Problem, check_frequencies, one_of, public_call, shown
 from flexarm.base.notebook import html_table
 from flexarm.model import Load, Sensor
 
@@ -96,7 +96,7 @@ def find_inputs(arm: Arm, requested: Sequence[InputName]) -> list[Input]:
 
 
 def _named_inputs(arm: Arm, name: str) -> list[Input]:
-    last = arm.links
+    last = arm.n_links
     if name == "torque":
         return [Input(f"torque[{n}]", "N m", joint=k) for k, n in enumerate(arm.joint_numbers)]
     if name == "voltage":  # the damping of these joints contains the back-EMF
@@ -126,7 +126,7 @@ def _named_inputs(arm: Arm, name: str) -> list[Input]:
 
 def find_outputs(arm: Arm, requested: Sequence[OutputName], contacts: int = 0) -> list[Output]:
     """Return the outputs for names and sensors, with the contacts at the operating point."""
-    counts = {"link": arm.links, "gauge": len(arm.gauges), "contact": contacts}
+    counts = {"link": arm.n_links, "gauge": len(arm.gauges), "contact": contacts}
     counted = {by: [str(n) for n in range(1, count + 1)] for by, count in counts.items()}
     counted |= {"joint": [str(n) for n in arm.joint_numbers], "axis": list(_AXES)}
     found = []
@@ -136,8 +136,8 @@ def find_outputs(arm: Arm, requested: Sequence[OutputName], contacts: int = 0) -
             found.append(Output(tuple(item.labels()), item.unit, sensor=item))
             continue
         if not isinstance(item, str) or item not in CHANNEL_OUTPUTS:
-            rule = "be a Sensor or one of " + ", ".join(map(repr, CHANNEL_OUTPUTS))
-            raise InputError(Problem("outputs", rule, shown(item)))
+            rule, hint = one_of(item, CHANNEL_OUTPUTS, "a Sensor or ")
+            raise InputError(Problem("outputs", rule, shown(item), hint))
         if item == "strain" and not arm.gauges:
             raise InputError(Problem("outputs", "contain strain, but the arm has no gauges"))
         by, unit = CHANNEL_OUTPUTS[item]
@@ -202,7 +202,7 @@ def state_names(arm: Arm) -> tuple[list[str], list[str]]:
         place, name = coordinate.place, f"base_{coordinate.name}"
         names[place], rates[place] = name, f"{name}_rate"
         units[place] = "rad" if coordinate.name == "angle" else "m"
-    counts = [0] * arm.links
+    counts = [0] * arm.n_links
     for piece in arm.assembly.pieces:
         for place in range(piece.modal.start, piece.modal.stop):
             counts[piece.link] += 1

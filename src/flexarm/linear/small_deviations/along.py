@@ -414,7 +414,7 @@ def torque_response(
     """
     h = float(times[1] - times[0])
     count, dof = q.shape
-    width = shapes.shape[2] * arm.joints
+    width = shapes.shape[2] * arm.n_joints
     state = np.zeros((2 * dof, width))
     answer = np.zeros((count, rows.shape[1], width))
     for first in range(0, count - 1, _CHUNK):
@@ -424,7 +424,7 @@ def torque_response(
             force = np.einsum("xsj,sp->xpj", B, shapes[k]).reshape(2 * dof, width)
             state = A @ state + force
             answer[k + 1] = rows[k + 1] @ state[:dof]
-    return answer.reshape(count, rows.shape[1], shapes.shape[2], arm.joints)
+    return answer.reshape(count, rows.shape[1], shapes.shape[2], arm.n_joints)
 
 
 def held_step_maps(
@@ -451,7 +451,7 @@ def _step_maps(
     middle = [0.5 * (q[part] + q[after]), 0.5 * (qd[part] + qd[after]), (qd[after] - qd[part]) / h]
     by = dynamics_along(arm, *middle).force_by
     K, D, M = (by[:, None, :, level] for level in range(3))
-    count, dof, s, joints = len(by), arm.dof, STAGES, arm.joints
+    count, dof, s, joints = len(by), arm.dof, STAGES, arm.n_joints
     torque = np.zeros((s, dof, s, joints))
     for stage in range(s):
         torque[stage, arm.joint_index, stage, range(joints)] = 1.0

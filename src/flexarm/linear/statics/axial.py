@@ -72,7 +72,7 @@ def _contact_loads(arm: Arm, q: FloatArray, contacts: Sequence[Contact]) -> list
     state = arm.padded(np.stack([q, np.zeros_like(q)]))
     forces = contact_forces(arm, placed, state[None])[0]
     return [
-        Load(link=contact.link or arm.links, force=tuple(force.tolist()), station=contact.station)
+        Load(link=contact.link or arm.n_links, force=tuple(force.tolist()), station=contact.station)
         for contact, force in zip(contacts, forces, strict=True)
     ]
 
@@ -263,7 +263,7 @@ def closure_warning(arm: Arm, forces: FloatArray) -> str:
     """Describe the largest force of a closure beside the buckling load of its links, or ""."""
     if arm.spec.theory != "linear" or not forces.size:
         return ""
-    gains = dict.fromkeys(range(arm.links), 0.0)
+    gains = dict.fromkeys(range(arm.n_links), 0.0)
     for piece in arm.assembly.pieces:
         if piece.shapes.w2.size:
             gains[piece.link] = max(gains[piece.link], _gains(piece)[0])

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.actions import EMPTY, Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.arm.assembly.coordinates import coordinate_sizes, modal_size, turning_joints
+from flexarm.arm.assembly.coordinates import check_state, coordinate_sizes, modal_size
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.closed import (
     Motions,
@@ -25,7 +25,6 @@ from flexarm.arm.closed import (
     refuse_open,
     stiffness_of,
 )
-from flexarm.base.arguments import check_posture
 from flexarm.base.errors import (
     FlexarmError,
     InputError,
@@ -88,7 +87,7 @@ def steady_rates(arm: Arm, spin: float) -> FloatArray:
     serial_only(arm.spec, "a spin")
     if any(arm.spec.gravity):
         raise InputError(Problem("spin", "be zero for an arm with gravity", shown(spin)))
-    if arm.joints == 0 or arm.joint_numbers[0] != 1:
+    if arm.n_joints == 0 or arm.joint_numbers[0] != 1:
         rule = "be zero for an arm whose first joint is fixed"
         raise InputError(Problem("spin", rule, shown(spin)))
     rates[arm.joint_index[0]] = spin
@@ -214,7 +213,7 @@ def equilibrium(
     Args:
         arm: the arm, with its gravity.
         joint_angles: (joints,) relative, rad, at which the joints are locked, all zero by
-            default; the links deflect.
+            default; the links deflect. Or q (dof,) with these angles, where the search starts.
         torque: (joints,) N m that act on free joints. ``joint_angles`` is then the starting point
             of the search.
         tip_force, loads: as in ``Arm.forward_dynamics``, without a factor of time.
@@ -247,15 +246,15 @@ def equilibrium(
         felt = arm.spec.gravity - check_array("base_acceleration", base_acceleration, (2,))
         arm = Arm(arm.spec.replace(gravity=felt))
     if torque is not None and joint_angles is None and start is None:
-        joint_angles = np.zeros(arm.joints)
-    angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    q = arm.rest(check_posture("joint_angles", angles, arm.joints, turning_joints(arm)))
+        joint_angles = np.zeros(arm.n_joints)
+    angles = np.zeros(arm.n_joints) if joint_angles is None else joint_angles
+    q = check_state(arm, "joint_angles", angles)
     if start is not None:
         q = check_array("start", start, (arm.dof,))
     refuse_open(arm, "joint_angles" if start is None else "start", q)
     search = _Search(arm, Environment.of(arm, tip_force, loads, None, contacts))
     if torque is not None:
-        search.force[arm.joint_index] = check_array("torque", torque, (arm.joints,))
+        search.force[arm.joint_index] = check_array("torque", torque, (arm.n_joints,))
         search.unknown = np.setdiff1d(np.arange(arm.dof), search.loose)
     if held is not None:
         search.hold(held)

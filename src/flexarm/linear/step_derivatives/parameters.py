@@ -52,7 +52,7 @@ def constants_at(
     spec = arm.spec
     for path, value in values.items():
         spec = with_number(spec, path, value, checked=False)
-    scales = [scales_of(arm.spec.links[i], spec.links[i]) for i in range(arm.links)]
+    scales = [scales_of(arm.spec.links[i], spec.links[i]) for i in range(arm.n_links)]
     constants = _scaled_constants(arm, spec, scales, dtype)
     if constants.is_tree and not arm.assembly.constants.is_tree:
         rule = "is not supported for an arm whose joints are all on the tips of links"

@@ -99,7 +99,7 @@ def step_jacobian(
     state = [check_array(n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
     refuse_open(arm, "q", state[0])
     refuse_moving_apart(arm, "qd", *state)
-    held = check_array("torque", torque, (arm.joints,))
+    held = check_array("torque", torque, (arm.n_joints,))
     step_of = stepper_of(arm, method, step)
     x, tau = np.concatenate(state), arm.padded_torque(held)
     exact = arm.assembly.constants
@@ -107,8 +107,8 @@ def step_jacobian(
     for place in range(2 * arm.dof):
         columns.append(step_of(x + _unit(place, x.size), tau, exact).imag / STEP)
     inputs = []
-    for joint in range(arm.joints):
-        perturbed = arm.padded_torque(held + _unit(joint, arm.joints))
+    for joint in range(arm.n_joints):
+        perturbed = arm.padded_torque(held + _unit(joint, arm.n_joints))
         inputs.append(step_of(x, perturbed, exact).imag / STEP)
     named = {}
     for path in parameters:
@@ -235,7 +235,7 @@ class SampledStep:
         self._kernels = kernels = KernelView(arm.assembly.constants, complex)
         self._stages = kernels.zeros(len(self._rows) - 1, 2)
         self._before, self._new = kernels.zeros(2), kernels.zeros(2)
-        self._slopes = np.zeros((len(self.places) + arm.joints + 1, 2, *kernels.shape))
+        self._slopes = np.zeros((len(self.places) + arm.n_joints + 1, 2, *kernels.shape))
 
     def take(self, x: FloatArray, torque: FloatArray, changes: FloatArray | None = None) -> Step:
         """Advance [q, qd] (2 dof,) by one sample time, with ``changes`` (p,) of the parameters."""
@@ -290,7 +290,7 @@ def state_places(arm: Arm) -> IntArray:
 def fastest_rate(arm: Arm) -> float:
     """Return the largest modulus of the poles at rest with zero joint angles, 1/s."""
     zero = np.zeros(arm.dof)
-    small = arm.derivatives(zero, zero, np.zeros(arm.joints))
+    small = arm.derivatives(zero, zero, np.zeros(arm.n_joints))
     eye = np.eye(arm.dof)
     A = np.block([[np.zeros_like(eye), eye], [small.q, small.qd]])
     return float(abs(np.linalg.eigvals(A)).max())
@@ -423,7 +423,7 @@ class SampledSteps:
     def __init__(self, arm: Arm, sample_time: float, most: int) -> None:
         self.steps = max(1, math.ceil(sample_time * fastest_rate(arm) / _REACH))
         self._h, self._A = sample_time / self.steps, classical()
-        self._size, self._joints = 2 * arm.dof, arm.joints
+        self._size, self._joints = 2 * arm.dof, arm.n_joints
         self._view = view = KernelView(arm.assembly.constants)
         self._places, self._bodies = arm.assembly.coordinates, arm.assembly.joint_body
         self._torques = np.zeros((most, view.shape[0]))
@@ -433,7 +433,7 @@ class SampledSteps:
         self._transfers = Duals.zeros(most, *shape)
         arrays = {name: Duals.zeros(*array.shape) for name, array in view.work._asdict().items()}
         self._work = Workspace(**arrays)  # type: ignore[arg-type]
-        self._seeds = [self._block(arm, k) for k in range(0, self._size + arm.joints, DIRECTIONS)]
+        self._seeds = [self._block(arm, k) for k in range(0, self._size + arm.n_joints, DIRECTIONS)]
         self._entry = Entry(held_torque_transfers)
 
     def _block(self, arm: Arm, first: int) -> tuple[Duals, Duals]:

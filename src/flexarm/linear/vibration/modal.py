@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.actions import Environment, marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.arm.assembly.coordinates import turning_joints
+from flexarm.arm.assembly.coordinates import check_state
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.closed import (
     Motions,
@@ -22,7 +22,7 @@ from flexarm.arm.closed import (
     stiffness_of,
 )
 from flexarm.arm.stations import MOST_STATIONS
-from flexarm.base.arguments import as_list, check_count, check_number, check_posture
+from flexarm.base.arguments import as_list, check_count, check_number
 from flexarm.base.errors import (
     InputError,
     Problem,
@@ -82,20 +82,20 @@ def joint_feedback(arm: Arm, joints: Joints) -> JointFeedback:
     if isinstance(joints, type):
         raise _unknown("joints", joints)
     if hasattr(joints, "proportional") and hasattr(joints, "derivative"):
-        count = (arm.joints,)
+        count = (arm.n_joints,)
         stiffness[index] = check_array("joints.proportional", joints.proportional, count)
         damping[index] = check_array("joints.derivative", joints.derivative, count)
         return JointFeedback(np.arange(arm.dof), stiffness, damping)
     if isinstance(joints, str):
-        each: list[OneJoint] = [joints] * arm.joints
+        each: list[OneJoint] = [joints] * arm.n_joints
         if joints not in JOINTS:  # checked for an arm without joints, too
             raise _unknown("joints", joints)
     else:
         listed = as_list(joints)
         each = listed or []
-        if listed is None or len(each) != arm.joints:
+        if listed is None or len(each) != arm.n_joints:
             rule = "be 'locked', 'free', or a list with one of these, or with gains, for each of"
-            raise InputError(Problem("joints", f"{rule} the {arm.joints} joints", shown(joints)))
+            raise InputError(Problem("joints", f"{rule} the {arm.n_joints} joints", shown(joints)))
     for place, item in zip(index, each, strict=True):
         if isinstance(item, str):
             if item not in JOINTS:
@@ -200,12 +200,12 @@ def modes(
 
     Args:
         arm: the arm.
-        joint_angles: (joints,) relative, rad, with straight links; all zero by default. Or an
-            `Equilibrium`, with its loads and contacts.
+        joint_angles: (joints,) relative, rad, with straight links; all zero by default. Or q
+            (dof,) of bent links, or an `Equilibrium`, with its loads and contacts.
         joints: "locked" clamps every joint, "free" lets every joint rotate. Or one entry per joint:
             one of these words, or feedback gains (proportional N m/rad, derivative N m s/rad). Or
             an object with gains for all joints, such as a `JointPD`.
-        q: (dof,) state of the linearisation, or an `Equilibrium`, in place of ``joint_angles``.
+        q: another name of ``joint_angles``.
         spin: rad/s of the whole arm about its base joint, in its steady bent shape; the first joint
             is driven at that rate, or free. Not supported with gravity, loads or contacts.
         tip_force, loads: as in `Arm.forward_dynamics`; they contribute to the stiffness. Not to be
@@ -234,11 +234,13 @@ def modes(
     place, environment = _place(arm, joint_angles, q, given)
     if spin != 0.0 and (environment.loads or environment.contacts):
         raise InputError(Problem("loads", "cannot be combined with spin"))
-    if spin != 0.0 and q is None:
+    point = joint_angles if q is None else q
+    shape: tuple[int, ...] = np.shape(point)  # type: ignore[arg-type]
+    bent = isinstance(q, Equilibrium) or shape == (arm.dof,) != (arm.n_joints,)
+    if spin != 0.0 and not bent:
         place = steady_shape(arm, place, spin)
     refuse_open(arm, "joint_angles" if q is None else "q", place)
     motions = independent_motions(arm, place, held.moving)
-    point = joint_angles if q is None else q
     if isinstance(point, Equilibrium):
         closing = point.closure_forces
     else:
@@ -269,11 +271,10 @@ def _place(
             rule = "cannot be combined with an equilibrium, which contains its own"
             raise InputError(Problem("loads", rule))
         return given.q, given.environment
-    if given is not None:
-        return check_array("q", given, (arm.dof,)), environment
-    angles = np.zeros(arm.joints) if joint_angles is None else joint_angles
-    angles = check_posture("joint_angles", angles, arm.joints, turning_joints(arm))
-    return arm.rest(angles), environment
+    if q is not None:
+        return check_state(arm, "q", q), environment
+    angles = np.zeros(arm.n_joints) if joint_angles is None else joint_angles
+    return check_state(arm, "joint_angles", angles), environment
 
 
 def _closure_forces(
@@ -351,7 +352,7 @@ def _displacements(arm: Arm, q: FloatArray, shapes: NDArray[Any], stations: int)
     placed = place_loads(arm, places)
     real = _along(arm, q, np.real(shapes), placed)
     moved = real + 1j * _along(arm, q, np.imag(shapes), placed) if np.iscomplexobj(shapes) else real
-    return moved.reshape(len(shapes), arm.links, stations, 2)
+    return moved.reshape(len(shapes), arm.n_links, stations, 2)
 
 
 def _along(arm: Arm, q: FloatArray, shapes: FloatArray, placed: Any) -> FloatArray:
@@ -498,6 +499,6 @@ def lowest_frequency(arm: Arm) -> float:
     if not elastic.size:
         return np.inf
     springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
-    mass = arm.mass_matrix(arm.rest(np.zeros(arm.joints)))[np.ix_(elastic, elastic)]
+    mass = arm.mass_matrix(arm.rest(np.zeros(arm.n_joints)))[np.ix_(elastic, elastic)]
     square = eigh(np.diag(arm.unpadded(springs)[elastic]), mass, eigvals_only=True)
     return float(np.sqrt(square[0]))

@@ -98,10 +98,10 @@ def track_modes(
     if hasattr(motion, "joint_angle"):
         parameter = np.linspace(motion.start_time, motion.end_time, samples)
         angles = np.asarray(motion.joint_angle(parameter))
-        postures = check_array("along", angles, (-1, arm.joints))
+        postures = check_array("along", angles, (-1, arm.n_joints))
         name, unit = "time", "s"
     else:
-        postures = check_array("along", along, (-1, arm.joints))
+        postures = check_array("along", along, (-1, arm.n_joints))
         parameter = np.arange(len(postures), dtype=np.float64)
         name, unit = "posture", ""
 

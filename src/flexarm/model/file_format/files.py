@@ -8,7 +8,7 @@ import re
 import select
 import stat
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -22,7 +22,7 @@ from flexarm.base.writing.places import AnyPath, write_text
 from flexarm.model.arm.links import MATERIALS, Material
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Record, faults_of
-from flexarm.model.file_format.yaml_text import Document, changed, parse, to_yaml
+from flexarm.model.file_format.yaml_text import Change, Document, changed, parse, to_yaml
 from flexarm.model.hardware import Hardware
 from flexarm.model.scenarios.scenario import Scenario
 from flexarm.model.scenarios.study import StudySpec
@@ -204,9 +204,19 @@ def load_any(path: AnyPath | Document) -> ArmSpec | Scenario | StudySpec:
     return locate_scenario(document)[0]
 
 
-def record_of_bytes(raw: bytes, file: AnyPath) -> ArmSpec | Scenario | StudySpec:
-    """Return the arm, scenario or study of the content of a file that names no other file."""
-    return load_any(_whole(_decoded(FilePath(file), raw), file))
+def record_of_bytes(
+    raw: bytes, file: AnyPath, arms: Mapping[str, ArmSpec] | None = None
+) -> ArmSpec | Scenario | StudySpec:
+    """Return the arm, scenario or study of the content of a file.
+
+    It names no other file but those of the ``arms``, by their names.
+    """
+    text = _decoded(FilePath(file), raw)
+    document = _parsed(FilePath(file), text)
+    named = document.value.get("arm")
+    if isinstance(named, str) and arms and named in arms:
+        return load_any(changed(document, [Change(str(file), ("arm",), content_of(arms[named]))]))
+    return load_any(_whole(text, file))
 
 
 def arm_spec_of_text(text: str, file: AnyPath) -> ArmSpec:

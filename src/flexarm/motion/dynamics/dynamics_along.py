@@ -100,11 +100,11 @@ class Actuation:
 
     def __init__(self, arm: Arm, actuated: Sequence[int] | None) -> None:
         self.arm = arm
-        self._actuated = np.arange(arm.joints)
+        self._actuated = np.arange(arm.n_joints)
         if actuated is not None:
             self._actuated = np.unique(held_joints(arm, actuated, "actuated"))
-        if self._actuated.size < arm.joints - arm.closure_rows:
-            raise self._too_few(arm.joints - arm.closure_rows)
+        if self._actuated.size < arm.n_joints - arm.closure_rows:
+            raise self._too_few(arm.n_joints - arm.closure_rows)
         self._sizes, self._rows = coordinate_sizes(arm), row_sizes(arm)
 
     def _too_few(self, motions: int) -> InputError:
@@ -125,7 +125,7 @@ class Actuation:
         left, values, right = np.linalg.svd(Z[self._actuated], full_matrices=False)
         if len(values) < Z.shape[1] or np.any(values < _SMALLEST):
             raise self._too_few(Z.shape[1])
-        P = np.zeros(2 * (self.arm.joints,))
+        P = np.zeros(2 * (self.arm.n_joints,))
         P[:, self._actuated] = Z @ (right.T / values) @ left.T
         return np.asarray(self._sizes[:, None] * P / self._sizes)
 
@@ -141,7 +141,7 @@ class Actuation:
         return np.asarray(least + P @ (qdd - least))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RigidTorque(MotionTorque):
     """Torque of the rigid model along a motion; callable with the time.
 
@@ -159,6 +159,9 @@ class RigidTorque(MotionTorque):
     motion: Motion
     actuation: Actuation | None = None
     base_motion: BaseMotion | None = None
+
+    def __repr__(self) -> str:
+        return f"<flexarm.RigidTorque: {self.joints} joints, of a {type(self.motion).__name__}>"
 
     @public_call
     def base_position(self, t: ArrayLike) -> Floats:
@@ -248,7 +251,7 @@ class TipConstraint:
     def __init__(self, arm: Arm, motion: Motion) -> None:
         serial_only(arm.spec, "inverse dynamics of the tip")
         self.arm, self.motion = arm, motion
-        self.count = arm.joints
+        self.count = arm.n_joints
         self._led = self._led_joints() if self.count > 2 else np.zeros(0, dtype=np.intp)
 
     def _led_joints(self) -> NDArray[np.intp]:

@@ -76,7 +76,7 @@ class RigidTree(RigidChain):
     @property
     def joints(self) -> int:
         """Number of joints."""
-        return int(self._arm.joints)
+        return int(self._arm.n_joints)
 
     def tip(self, joint_angles: FloatArray) -> FloatArray:
         """Return the tip position (..., 2) in world axes, m, at joint angles (..., n)."""
@@ -101,14 +101,14 @@ def rigid_chain(arm: Arm) -> RigidChain:
 
     An arm that is not serial has a tip, and no bars: their attributes raise InputError.
     """
-    if check_arm(arm).joints == 0:
+    if check_arm(arm).n_joints == 0:
         raise InputError(Problem("arm", "has no joint that is not fixed"))
     if not arm.spec.is_serial:
         return RigidTree(arm)
     turning = [seat.link for seat in arm.assembly.seats]
     base, before = _walk(arm, 0, turning[0])
     lengths, offset = [], []
-    for first, end in zip(turning, [*turning[1:], arm.links], strict=True):
+    for first, end in zip(turning, [*turning[1:], arm.n_links], strict=True):
         bar, turned = _walk(arm, first, end)
         length, direction = float(np.hypot(*bar)), float(np.arctan2(bar[1], bar[0]))
         if length <= 1e-12 * arm.reach:

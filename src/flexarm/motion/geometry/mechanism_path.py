@@ -108,7 +108,7 @@ class _Equations:
 def _pinned(arm: Arm, point: FloatArray) -> Arm:
     """Return the rigid model of an arm with the tip pinned to a point (2,) of the ground."""
     spec = arm.rigid().spec
-    pin = Closure(link=arm.links, to_offset=tuple(point.tolist()))
+    pin = Closure(link=arm.n_links, to_offset=tuple(point.tolist()))
     return Arm(spec.replace(closures=[*spec.closures, pin]))
 
 
@@ -123,7 +123,7 @@ def posture_near(arm: Arm, point: FloatArray, posture: ArrayLike | None) -> Floa
     if posture is None:
         hint = "Give joint angles near those at the point."
         raise InputError(Problem("posture", "is required for this arm", hint=hint))
-    guess = check_posture("posture", posture, arm.joints, turning_joints(arm))
+    guess = check_posture("posture", posture, arm.n_joints, turning_joints(arm))
     pinned = _pinned(arm, point)
     try:
         return closed_posture(pinned, pinned.rest(guess), np.zeros(0, dtype=np.intp))[0]

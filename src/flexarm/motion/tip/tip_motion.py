@@ -22,7 +22,7 @@ References:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -70,7 +70,7 @@ joint accelerations are infinite, at rest too; here rates are a thousand times t
 which the user may want to see, and the closed form still has ten digits."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TipMotion(PathMotion):
     """Motion of the rigid arm's tip along a path p(s).
 
@@ -79,12 +79,15 @@ class TipMotion(PathMotion):
         posture: angles between the bars as a function of s: (T,) -> (T, n), rad.
     """
 
-    chain: RigidChain = field(repr=False)
+    chain: RigidChain
     tip_path: TipPath
     duration: float
     law: TimingLaw
     start_time: float
-    posture: Posture = field(repr=False)
+    posture: Posture
+
+    def _about(self) -> str:
+        return f"{self.tip_path.title}, {super()._about()}"
 
     @property
     def start(self) -> Floats:

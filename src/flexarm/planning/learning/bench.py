@@ -84,7 +84,7 @@ class Bench:
         tip, angle = _lifted_model(self.arm, controller, self.reference, result, self.window)
         chosen = tip if self.output == "tip" else angle
         size = self.window.intervals
-        return chosen.reshape(size * chosen.shape[1], size * self.arm.joints)
+        return chosen.reshape(size * chosen.shape[1], size * self.arm.n_joints)
 
     def errors(self, controller: AddedTorque) -> FloatArray:
         """Return the errors (N, p) of the next trial."""
@@ -155,8 +155,8 @@ def window_of(
             rule = f"be a multiple of the controller's sample time of {sample_time:.6g} s"
             raise InputError(Problem("interval", rule, shown(interval)))
     count = math.floor(samples / stride * (1.0 + _ROUNDING))
-    if count < 2 or count * arm.joints > _MOST:
-        rule = f"be divided into 2 to {_MOST // arm.joints} intervals"
+    if count < 2 or count * arm.n_joints > _MOST:
+        rule = f"be divided into 2 to {_MOST // arm.n_joints} intervals"
         raise InputError(Problem("duration", rule, str(count), "Choose another interval."))
     return Window(sample_time, stride, count)
 
@@ -164,7 +164,7 @@ def window_of(
 def joint_errors(arm: Arm, reference: Reference, window: Window, output: str) -> FloatArray:
     """Return the joint errors per error of the output, (N, joints, p)."""
     if output == "joint_angle":
-        return np.broadcast_to(np.eye(arm.joints), (window.intervals, arm.joints, arm.joints))
+        return np.broadcast_to(np.eye(arm.n_joints), (window.intervals, arm.n_joints, arm.n_joints))
     chain = rigid_chain(arm)
     angles = np.array([reference.joint_angle(float(t)) for t in window.ends])
     return np.asarray(np.linalg.pinv(tip_jacobian(chain.lengths, angles + chain.offset)))
@@ -180,7 +180,7 @@ class AddedTorque(Around):
         """See ``Controller.requirements``."""
         inner = requirements_of(self.inner, arm, reference)
         joints = self.torque.shape[1]
-        return inner._replace(joints=joints if joints != arm.joints else inner.joints)
+        return inner._replace(joints=joints if joints != arm.n_joints else inner.joints)
 
     def planned(self, t: float, reference: Reference) -> Arrays:
         """Return the inputs of the inner controller, and the torque of the interval."""
@@ -252,7 +252,7 @@ def _lifted_model(
     laws = _laws(controller, reference, trial, names, window.sample_time, steps)
     ends = slice(window.stride, None, window.stride)
     tip_rows = dynamics_along(arm, q[ends], qd[ends], np.zeros_like(q[ends])).tip_by[:, :2, 0]
-    n, m = 2 * arm.dof, arm.joints
+    n, m = 2 * arm.dof, arm.n_joints
     X = np.zeros((n + laws[0].shape[1], count * m))
     tip, angle = np.zeros((count, 2, count * m)), np.zeros((count, m, count * m))
     for first, A, B in held_step_maps(arm, window.sample_time, q, qd):

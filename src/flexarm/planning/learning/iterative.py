@@ -148,9 +148,9 @@ def iterative_learning(
     check_options(options, _OPTIONS, "iterative_learning")
     check_linear(controller, arm, reference)
     window = window_of(arm, reference, controller, duration, interval)
-    choice = _Choice(effort, change, proportional, derivative, lead, cutoff).checked(arm.joints)
+    choice = _Choice(effort, change, proportional, derivative, lead, cutoff).checked(arm.n_joints)
     bench = Bench(arm, reference, window, output, plant, hardware, trial, options)
-    none = np.zeros((window.intervals, arm.joints))
+    none = np.zeros((window.intervals, arm.n_joints))
     with one_warning() as bent:
         unchanged = AddedTorque(controller, none, window.interval)
         P = bench.model(unchanged)
@@ -231,7 +231,7 @@ class _Choice(NamedTuple):
             law = proportional_derivative(inverse, *gains, lead, window.interval)
         if self.cutoff is None:
             return law
-        return filtered(law, arm.joints, self.cutoff, window.interval)
+        return filtered(law, arm.n_joints, self.cutoff, window.interval)
 
 
 def _per_joint(name: str, value: ArrayLike, joints: int) -> FloatArray:

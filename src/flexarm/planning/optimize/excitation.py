@@ -145,8 +145,10 @@ def optimal_excitation(
     if np.any(arm.spec.gravity):
         raise InputError(Problem("arm", "has gravity, which is not supported"))
     whole = 2.0 * period if duration is None else duration
-    angles = np.zeros(arm.joints) if start is None else check_array("start", start, (arm.joints,))
-    full = multisine(period, band, np.ones(arm.joints), rise=min(period, whole) / 8.0)
+    angles = (
+        np.zeros(arm.n_joints) if start is None else check_array("start", start, (arm.n_joints,))
+    )
+    full = multisine(period, band, np.ones(arm.n_joints), rise=min(period, whole) / 8.0)
     first = _chosen(full, check_count("lines", lines, 2))
     first.samples(rate, whole)  # checks the rate
     experiment = _Experiment(arm, parameters, limits, dict(noise), whole, rate, angles, first)
@@ -234,7 +236,7 @@ class _Experiment:
 
     def _fastest(self, torque: Multisine, samples: FloatArray) -> FloatArray:
         """Return the largest torque rates (intervals, joints) between samples, N m/s."""
-        intervals, joints = len(samples) - 1, self.arm.joints
+        intervals, joints = len(samples) - 1, self.arm.n_joints
         places = np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, _POINTS + 1)
         times = places.ravel() / self.rate
         spline = sampled_torque(samples, self.rate, self.duration, joints, "cubic")

@@ -344,11 +344,12 @@ def optimal_motion(
     check_choice("objective", objective, OBJECTIVES)
     limits = MotionLimits() if limits is None else check_kind("limits", limits, MotionLimits)
     begin, goal = (
-        check_array(name, given, (arm.joints,)) for name, given in (("start", start), ("end", end))
+        check_array(name, given, (arm.n_joints,))
+        for name, given in (("start", start), ("end", end))
     )
-    if plant.joints != arm.joints:
-        rule = f"have the number of joints of the arm ({arm.joints})"
-        raise InputError(Problem("plant", rule, str(plant.joints)))
+    if plant.n_joints != arm.n_joints:
+        rule = f"have the number of joints of the arm ({arm.n_joints})"
+        raise InputError(Problem("plant", rule, str(plant.n_joints)))
     count = None if modes is None else check_count("modes", modes, 1, _elastic(arm))
     pieces = None if intervals is None else check_count("intervals", intervals, 2, _MOST_GIVEN)
     own = None if guess is None else check_motion(guess, arm)
@@ -364,7 +365,7 @@ def optimal_motion(
 
 
 def _elastic(arm: Arm) -> int:
-    return arm.dof - arm.joints
+    return arm.dof - arm.n_joints
 
 
 def _default_intervals(task: Task, duration: float) -> int:

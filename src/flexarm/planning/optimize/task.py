@@ -61,7 +61,7 @@ class Task:
         if not len(self.elastic):
             return np.zeros(0)
         ends = [modes(arm, q=rest.q, joints="free").frequency_hz for rest in (self.start, self.end)]
-        return np.asarray(2.0 * np.pi * np.max(ends, axis=0)[arm.joints :])
+        return np.asarray(2.0 * np.pi * np.max(ends, axis=0)[arm.n_joints :])
 
     def resting_modes(self) -> FloatArray | None:
         """Return rows (m, dof) that are zero, times q minus its end and times qd, at the end.
@@ -71,9 +71,9 @@ class Task:
         these and the joints are all coordinates.
         """
         arm = self.arm
-        if self.modes is None or 2 * arm.joints + self.modes >= arm.dof:
+        if self.modes is None or 2 * arm.n_joints + self.modes >= arm.dof:
             return None
-        shapes = modes(arm, q=self.end.q, joints="free").shapes[: arm.joints + self.modes]
+        shapes = modes(arm, q=self.end.q, joints="free").shapes[: arm.n_joints + self.modes]
         return np.asarray(shapes @ arm.mass_matrix(self.end.q))
 
 
@@ -101,7 +101,7 @@ def task_of(
         hint = "Without it the motion takes no time."
         rule = "is required for every joint by the objective 'time'"
         problems.append(Problem("limits.torque", rule, hint=hint))
-    if objective == "vibration" and arm.dof == arm.joints:
+    if objective == "vibration" and arm.dof == arm.n_joints:
         problems.append(Problem("arm", "is rigid, so nothing vibrates"))
     for name, rest in zip(("start", "end"), ends, strict=True):
         if np.any(np.abs(rest.torque) > torque):
@@ -135,7 +135,7 @@ def _inside(name: str, distances: FloatArray) -> list[Problem]:
 def _at_rest(arm: Arm, rest: Equilibrium, bound: Bound) -> FloatArray:
     """Return the quantity of a bound at rest, (k, 1)."""
     angle, q = arm.joint_angles(rest.q), rest.q
-    still = Quantities(angle, np.zeros(arm.joints), arm.strain(q), arm.tip(q))
+    still = Quantities(angle, np.zeros(arm.n_joints), arm.strain(q), arm.tip(q))
     return np.array(bound.value(still), dtype=np.float64)[:, None]
 
 
@@ -365,11 +365,11 @@ def bounds_of(limits: MotionLimits, arm: Arm) -> tuple[Bound, ...]:
     """Return the bounds of quantities of the state; for torques there is `torque_limits`."""
     found = []
     if limits.joint_rate is not None:
-        rate = _each("joint_rate", limits.joint_rate, arm.joints)
+        rate = _each("joint_rate", limits.joint_rate, arm.n_joints)
         found.append(Bound("joint_rate", attrgetter("joint_rate"), -rate, rate))
     if limits.joint_angle is not None:
         pair = _angle_range(limits.joint_angle)
-        lower, upper = (_each("joint_angle", part, arm.joints) for part in pair)
+        lower, upper = (_each("joint_angle", part, arm.n_joints) for part in pair)
         found.append(Bound("joint_angle", attrgetter("joint_angle"), lower, upper))
     if limits.strain is not None:
         gauges = sum(len(link.gauges) for link in arm.spec.links)
@@ -389,7 +389,7 @@ def bounds_of(limits: MotionLimits, arm: Arm) -> tuple[Bound, ...]:
 def torque_limits(limits: MotionLimits, arm: Arm) -> tuple[FloatArray, FloatArray]:
     """Return the largest torques and torque rates (joints,); infinite without a limit."""
     torque, rate = (
-        np.full(arm.joints, np.inf) if given is None else _each(name, given, arm.joints)
+        np.full(arm.n_joints, np.inf) if given is None else _each(name, given, arm.n_joints)
         for name, given in (("torque", limits.torque), ("torque_rate", limits.torque_rate))
     )
     return torque, rate

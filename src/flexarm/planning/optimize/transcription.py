@@ -134,7 +134,7 @@ class Transcription:
 
     def _shapes(self) -> dict[str, tuple[int, int]]:
         """Return the shapes of the unknowns."""
-        N, dof, joints = self.intervals, self.task.arm.dof, self.task.arm.joints
+        N, dof, joints = self.intervals, self.task.arm.dof, self.task.arm.n_joints
         return {
             "T": (1, 1),
             "q": (dof, N + 1),
@@ -146,7 +146,7 @@ class Transcription:
     def _interval(self) -> Any:
         """Return the function of one interval, over scaled unknowns."""
         sx, arm, N, scale = self.casadi.SX, self.task.arm, self.intervals, self.scale
-        n, joints = arm.dof, arm.joints
+        n, joints = arm.dof, arm.n_joints
         shapes = [(n, 1), (n, 1), (n, STAGES), (joints, 1), (joints, 1), (1, 1)]
         names = ["q", "slope", "curve", "first", "last", "T"]
         given = [sx.sym(name, *shape) for name, shape in zip(names, shapes, strict=True)]

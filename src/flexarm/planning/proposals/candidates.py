@@ -262,7 +262,7 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
             _BRISK * omega**2 * joint_inertias(needs.arm, needs.postures)[1]
         ),
     }
-    if needs.arm.joints > 2:  # the tip does not determine the joints
+    if needs.arm.n_joints > 2:  # the tip does not determine the joints
         common["acceptable"]["joint_angle"] = _ANGLE
     if "tip" in needs.sensors:
         measured["tip"] = noise

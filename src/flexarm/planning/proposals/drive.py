@@ -66,8 +66,8 @@ def torque_limit_of(arm: Arm, hardware: Hardware) -> FloatArray | None:
     """Return the limits (joints,) N m of motors at rest; None if a joint has none."""
     if hardware.motors is None:
         return None
-    request = np.full(arm.joints, _UNLIMITED)
-    limit = np.asarray(hardware.motors.allowed(request, np.zeros(arm.joints)), dtype=np.float64)
+    request = np.full(arm.n_joints, _UNLIMITED)
+    limit = np.asarray(hardware.motors.allowed(request, np.zeros(arm.n_joints)), dtype=np.float64)
     return limit if (limit < _UNLIMITED).all() else None
 
 
@@ -78,7 +78,7 @@ def with_torque_limit(arm: Arm, hardware: Hardware, limit: FloatArray | None) ->
     if torque_limit_of(arm, hardware) is not None:
         rule = "cannot be combined with hardware whose motors have limits"
         raise InputError(Problem("torque_limit", rule))
-    each = [float(f"{value:.3g}") for value in np.broadcast_to(limit, (arm.joints,)).tolist()]
+    each = [float(f"{value:.3g}") for value in np.broadcast_to(limit, (arm.n_joints,)).tolist()]
     return hardware.replace(motors=(hardware.motors or Motors()).replace(torque_limit=each))
 
 

@@ -154,10 +154,10 @@ def requirements_of(
     """Validate the arguments of `flexarm.design`, and complete them with defaults."""
     task = check_choice("task", task, TASKS)
     computing = check_choice("computing", computing, COMPUTING)
-    if not arm.joints:
+    if not arm.n_joints:
         raise InputError(Problem("arm", "must have a joint that is not fixed"))
     serial_only(arm.spec, "the design of controllers")
-    if task == "force" and arm.joints < 2:
+    if task == "force" and arm.n_joints < 2:
         rule = "force is not supported for an arm with one joint"
         raise InputError(Problem("task", rule, hint="It cannot move along a surface."))
     machine = None
@@ -175,7 +175,7 @@ def requirements_of(
     )
     limit = None
     if torque_limit is not None:
-        limit = check_each("torque_limit", torque_limit, arm.joints, positive=True)
+        limit = check_each("torque_limit", torque_limit, arm.n_joints, positive=True)
     begin, goal = _places(arm, task, start, end)
     bounds = "be greater than 0 and less than 2"
     needs = Requirements(
@@ -234,12 +234,12 @@ def _places(arm: Arm, task: str, start: object, end: object) -> tuple[FloatArray
     if task in _LINE:
         reach, count = arm.reach, 2
         first, last = (reach * np.array(point) for point in _LINE[task])
-        if arm.joints < 2:
+        if arm.n_joints < 2:
             rule = "track requires an arm with two joints or more"
             hint = "The tip of an arm with one joint cannot follow a line: use point_to_point."
             raise InputError(Problem("task", rule, hint=hint))
     else:
-        count = arm.joints
+        count = arm.n_joints
         first = np.array([0.0, *[_ELBOW] * (count - 1)])
         last = first + (_TURN if task == "point_to_point" else 0.0)
     begin = first if start is None else check_each("start", start, count=count)

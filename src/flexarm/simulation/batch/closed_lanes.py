@@ -355,7 +355,7 @@ class LaneLoop(ControlLoop):
         loops: list[LoopOfRun] = [run.drive for run in group.ready]
         self._loops, self._count = loops, len(arms)
         self._arm = arms[0] if all(arm is arms[0] for arm in arms) else None
-        self._joints = arms[0].joints
+        self._joints = arms[0].n_joints
         self._duration, self._now, self._users = duration, 0.0, users
         hardware = loops[0].hardware
         acting = Acting(hardware, arms[0], runs=self._count)

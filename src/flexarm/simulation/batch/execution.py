@@ -136,7 +136,7 @@ def variations_of(
         name: None if value is None else _states(name, value, first.dof)
         for name, value in (("initial", initial), ("initial_rate", initial_rate))
     }
-    torques, each_torque = _torques(torque, first.joints)
+    torques, each_torque = _torques(torque, first.n_joints)
     controllers: list[Any] = list(controller) if _is_list(controller) else [controller]
     references: list[Any] = list(reference) if _is_list(reference) else [reference]
     _check_loop(torque, controllers, references, hardware, seeds)
@@ -184,7 +184,7 @@ def _arms(name: str, arm: object) -> list[Arm]:
 
 def _check_structure(name: str, arm: Arm, first: Arm) -> None:
     """Raise if an arm has other coordinates, links or gauges than the first one."""
-    own, known = ((one.dof, one.links, one.joints, len(one.gauges)) for one in (arm, first))
+    own, known = ((one.dof, one.n_links, one.n_joints, len(one.gauges)) for one in (arm, first))
     if own != known:
         parts = "coordinates, links, joints and gauges"
         rule = f"have the {known} {parts} of the first arm"

@@ -105,7 +105,7 @@ class Recorder:
         self._batch, runs, arm = batch, batch.runs.count, batch.runs.arms[0]
         self._times, self._stride = batch.shared.times, stride
         self._reductions = reductions
-        self._sizes = {"joint": arm.joints, "link": arm.links, "axis": 2, "coordinate": arm.dof}
+        self._sizes = {"joint": arm.n_joints, "link": arm.n_links, "axis": 2, "coordinate": arm.dof}
         self._sizes |= {"gauge": len(arm.gauges), "direction": 3 if arm.assembly.base else 0}
         self._sizes["contact"] = len(batch.shared.environment.contacts)
         self._sizes["station"] = batch.shared.settings.stations
@@ -331,9 +331,9 @@ def simulate_batch(
         else variations.initial[..., first.joint_index[turning_joints(first)]].ravel()
     )
     warn_of(implausible_run(first, shared.duration, checked.rate, starts))
-    if model is not None and model.joints != first.joints:
-        rule = f"have the number of joints of the arm ({model.joints})"
-        raise InputError(Problem("plant", rule, shown(first.joints)))
+    if model is not None and model.n_joints != first.n_joints:
+        rule = f"have the number of joints of the arm ({model.n_joints})"
+        raise InputError(Problem("plant", rule, shown(first.n_joints)))
     closed = variations.controllers[0] is not None
     needed = {*names}.union(*(item.channels for item in reduced.values()))
     batch = Batch(

@@ -71,7 +71,7 @@ def motor_warning(
     since, saturated = limits
     if reference is None or not saturated.any() or len(times) < 2:
         return ""
-    wanted = reference_angles(reference, times, arm.joints)
+    wanted = reference_angles(reference, times, arm.n_joints)
     error = np.abs(angle - wanted)
     end = float(getattr(reference, "end_time", 0.0) or 0.0)
     goal = [np.asarray(reference.joint_angle(end))] if 0.0 < end < np.inf else []
@@ -81,7 +81,7 @@ def motor_warning(
     place = np.searchsorted(since, times * (1.0 + 1e-12), side="right") - 1
     harm = [
         _harm(error[:, j], saturated[place, j]) if saturated[:, j].any() else 0.0
-        for j in range(arm.joints)
+        for j in range(arm.n_joints)
     ]
     worst = int(np.argmax(np.array(harm) / size))
     if not harm[worst] > _GROWN * size[worst]:

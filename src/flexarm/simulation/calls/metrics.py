@@ -27,13 +27,22 @@ class Metric(NamedTuple):
     unit: str
     meaning: str
 
+    @property
+    def display(self) -> tuple[float, str]:
+        """Factor and unit of tables and pictures, which show lengths in mm."""
+        return (1e3, "mm") if self.unit == "m" else (1.0, self.unit)
+
 
 METRICS = (
     Metric("tip_error_rms", "m", "distance of the tip from its reference while this moves, RMS"),
     Metric("tip_error_peak", "m", "largest distance of the tip from its reference, all the run"),
     Metric("tip_error_settled", "m", "mean tip from its goal, after the motion"),
     Metric("residual_vibration", "m", "largest distance of the tip from its mean, likewise"),
-    Metric("joint_error_rms", "rad", "joint angles from their reference while this moves, RMS"),
+    Metric(
+        "joint_error_rms",
+        "rad",
+        "joint angles from their reference, those of the rigid arm, while this moves, RMS",
+    ),
     Metric("torque_rms", "N m", "root of the mean sum of squares of the torques"),
     Metric("torque_peak", "N m", "largest torque of any joint"),
     Metric(
@@ -64,7 +73,7 @@ def tip_reference(arm: Arm, reference: Reference, times: FloatArray) -> FloatArr
     if tip is not None:
         return np.asarray(tip(times))
     rigid = arm.rigid()
-    angles = reference_angles(reference, times, rigid.joints)
+    angles = reference_angles(reference, times, rigid.n_joints)
     return np.array([rigid.tip(rigid.rest(angle))[:2] for angle in angles])
 
 
@@ -119,7 +128,7 @@ class Goal:
         self._moving = (times >= start) & (times <= end)
         self._after = times >= end + settling
         self._tip = tip_reference(arm, reference, times)
-        self._joint_angle = reference_angles(reference, times[self._moving], arm.joints)
+        self._joint_angle = reference_angles(reference, times[self._moving], arm.n_joints)
 
     def metrics(self, channels: Mapping[str, FloatArray]) -> dict[str, float]:
         """Return the metrics of a run without controller, from its channels ``MEASURED``."""

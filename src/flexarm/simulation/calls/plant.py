@@ -163,7 +163,7 @@ class Plant:
         self, initial: ArrayLike | None, initial_rate: ArrayLike | None, seed: int | None
     ) -> Measurement:
         arm, hardware = self.arm, self._hardware
-        straight = np.zeros(arm.joints)
+        straight = np.zeros(arm.n_joints)
         state = initial_state(arm, initial, initial_rate, straight)
         check_loops(arm, state)
         if seed is not None:
@@ -197,7 +197,7 @@ class Plant:
                 reset.
         """
         loop = self._loop
-        command = check_array("torque", torque, (self.arm.joints,))
+        command = check_array("torque", torque, (self.arm.n_joints,))
         until = (loop.tick + 1) * self.sample_time
         if self._stopped_at is not None:
             rule = f"stopped at t = {self._stopped_at:.6g} s and must be reset"
@@ -220,6 +220,9 @@ class Plant:
             if self.warning and self._warn:
                 warn_caller(self.warning, LargeDeflectionWarning)
         return self.measurement
+
+    def __repr__(self) -> str:
+        return f"<flexarm.Plant: {self.arm.n_links} links at {self.time:.5g} s>"
 
     @property
     def time(self) -> float:
@@ -255,7 +258,7 @@ class Plant:
     def saturated(self) -> NDArray[np.bool_]:
         """Whether each motor is at its limit, (joints,), during the last step; for anti-windup."""
         _, saturated = self._loop.acting.saturated()
-        return saturated[-1] if len(saturated) else np.zeros(self.arm.joints, dtype=bool)
+        return saturated[-1] if len(saturated) else np.zeros(self.arm.n_joints, dtype=bool)
 
     @property
     def contact_force(self) -> FloatArray:

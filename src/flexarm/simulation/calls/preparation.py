@@ -94,7 +94,7 @@ class Situation:
 
     def __post_init__(self) -> None:
         self._check_objects()
-        if len(self.prescribed or ()) == self.simulated.joints:  # only vibrations are free
+        if len(self.prescribed or ()) == self.simulated.n_joints:  # only vibrations are free
             vars(self)["settings"] = close(self.settings)
         duration = vars(self)["duration"] = check_positive("duration", self.duration)
         step = self.settings.step
@@ -103,9 +103,9 @@ class Situation:
             raise InputError(Problem("step", rule, shown(step)))
         if (fault := sample_fault(duration, self.settings.rate)) is not None:
             raise InputError(fault.problem())
-        if self.simulated.joints != self.arm.joints:
-            rule = f"have the number of joints of the arm ({self.arm.joints})"
-            raise InputError(Problem("plant", rule, shown(self.simulated.joints)))
+        if self.simulated.n_joints != self.arm.n_joints:
+            rule = f"have the number of joints of the arm ({self.arm.n_joints})"
+            raise InputError(Problem("plant", rule, shown(self.simulated.n_joints)))
 
     def _check_objects(self) -> None:
         """Validate objects before their attributes are used; one thing drives the joints."""
@@ -240,12 +240,12 @@ def start_of(
 ) -> FloatArray:
     """Return the initial state (2, n, 1 + m), by default at the start of the motion."""
     motion = reference if reference is not None else getattr(torque, "motion", None)
-    straight = np.zeros(arm.joints)
+    straight = np.zeros(arm.n_joints)
     if initial is None and motion is not None:
         name = "reference" if reference is not None else "torque"
         straight = np.asarray(call(name, motion.joint_angle, 0.0))
-        if straight.shape != (arm.joints,):
-            rule = f"have the number of joints of the arm ({arm.joints})"
+        if straight.shape != (arm.n_joints,):
+            rule = f"have the number of joints of the arm ({arm.n_joints})"
             raise InputError(Problem(name, rule, str(straight.size)))
     return initial_state(arm, initial, initial_rate, straight)
 
@@ -257,7 +257,7 @@ def torque_history(
 
     The start of prescribed joints is set in ``state``.
     """
-    joints, duration, settings = arm.joints, situation.duration, situation.settings
+    joints, duration, settings = arm.n_joints, situation.duration, situation.settings
     breaks, spacing = settings.breaks, 1.0 / settings.rate
     if torque is None:
         history = PiecewiseCubic.constant(np.zeros(joints))

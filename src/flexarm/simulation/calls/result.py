@@ -155,7 +155,7 @@ def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> _Labe
     shapes = {name: array.shape for name, array in values.items()}
     numbers = tuple(arm.joint_numbers.tolist())
     names = (*_coordinate_names(arm), *turning_joints(arm).tolist())
-    key = (names, numbers, arm.links, _gauge_names(arm), _closure_names(arm), *shapes.items())
+    key = (names, numbers, arm.n_links, _gauge_names(arm), _closure_names(arm), *shapes.items())
     labels = _kept_labels.get(key)
     if labels is None or not np.array_equal(labels.times, times):
         times = times.copy()
@@ -256,7 +256,11 @@ def coordinates_of(
     coordinates: dict[str, Any] = {
         "time": ("time", times, {"units": "s", "long_name": "time"}),
         "joint": ("joint", arm.joint_numbers, {"long_name": "joint, numbered as its link"}),
-        "link": ("link", np.arange(1, arm.links + 1), {"long_name": "link, counted from the base"}),
+        "link": (
+            "link",
+            np.arange(1, arm.n_links + 1),
+            {"long_name": "link, counted from the base"},
+        ),
         "axis": ("axis", ["x", "y"], {"long_name": "world axis"}),
     }
     names = list(_coordinate_names(arm))

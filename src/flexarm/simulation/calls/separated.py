@@ -123,7 +123,7 @@ def simulate_separated(
         # The result contains the torque, so its tolerance is at most the default of ``simulate``.
         relative, name = min(rtol, CLOSE), "added_torque"
         accuracy = relative, breaks, name, 1.0 / rate
-        added = function_history(added_torque, until, arm.joints, *accuracy)
+        added = function_history(added_torque, until, arm.n_joints, *accuracy)
         attributes["shortest_feature"] = added.shortest_feature
     if method == "quasi_static":
         given = {

@@ -101,11 +101,11 @@ class Part(NamedTuple):
 def blocks_of(arm: Arm, powers: int) -> list[Block]:
     """Return unit changes of the state, then of ``powers`` torque coefficients of each joint."""
     joints, count = arm.assembly.joint_body, 2 * arm.dof
-    states = arm.padded(np.eye(count, count + powers * arm.joints).T.reshape(-1, 2, arm.dof))
+    states = arm.padded(np.eye(count, count + powers * arm.n_joints).T.reshape(-1, 2, arm.dof))
     torques = np.zeros((len(states), 4, states.shape[2]))
     for power in range(powers):
         for joint, body in enumerate(joints):
-            torques[count + power * arm.joints + joint, power, body] = 1.0
+            torques[count + power * arm.n_joints + joint, power, body] = 1.0
     found = []
     for k in range(0, len(states), DIRECTIONS):
         own = slice(k, k + DIRECTIONS)
@@ -231,7 +231,7 @@ def goal_gradient_of(known: Parameters, samples: Samples, weights: Weights) -> G
     blocks = blocks_of(arm, powers)
     threads = min(usable_cores(), len(parts))
     repetitions = [Repetition(known, parts, blocks) for _ in range(threads)]
-    torque = np.zeros((len(ends), powers * arm.joints))
+    torque = np.zeros((len(ends), powers * arm.n_joints))
     with ThreadPoolExecutor(threads) as pool:
         goal = repetitions[0].by_samples(weights, pool)
         at_ends = np.zeros((len(ends), goal.shape[1]))
@@ -245,7 +245,7 @@ def goal_gradient_of(known: Parameters, samples: Samples, weights: Weights) -> G
     state = goal[0] + adjoint
     pieces = np.zeros((len(breaks) - 1, torque.shape[1]))
     np.add.at(pieces, piece, torque)
-    by_samples = samples.collected(pieces.reshape(len(pieces), -1, arm.joints))
+    by_samples = samples.collected(pieces.reshape(len(pieces), -1, arm.n_joints))
     start = arm.unpadded(run.samples[0])
     return Gradient(run, by_samples, by_independent(arm, start, state.reshape(2, -1)))
 
@@ -311,7 +311,7 @@ def goal_gradient(
     Theory pages "separation", (D.17), and "mechanisms", (M.29).
     """
     refuse_unsupported(goal_gradient, arguments)
-    driven = {**arguments, "torque": check_array("torque", torque, (-1, arm.joints))}
+    driven = {**arguments, "torque": check_array("torque", torque, (-1, arm.n_joints))}
     situation = situation_of(goal_gradient, arm, duration, settings, driven)
     refuse_bristles(arm, "the gradient", hint="fa.sensitivities supports them.")
     check_mapping("weights", weights, "channels and arrays")

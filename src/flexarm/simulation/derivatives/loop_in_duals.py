@@ -165,7 +165,7 @@ class RecordedLoop(ClosedLoop):
     def history(self) -> PiecewiseCubic:
         """Torque of a hold interval, zero here: the loop in dual numbers writes its own."""
         pieces = self.acting.pieces
-        held = np.zeros((pieces, 4, self.run.arm.joints))
+        held = np.zeros((pieces, 4, self.run.arm.n_joints))
         return PiecewiseCubic(np.arange(pieces + 1.0), held, np.zeros(0))
 
     @property

@@ -81,7 +81,7 @@ _FINER, _PER_FINER = 4, 4
 _CLOSE = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class InversionReference(Motion):
     """Joint angles of a flexible arm whose tip follows a motion.
 
@@ -291,7 +291,7 @@ def tip_inversion(
     """
     motion = check_motion(motion, arm)
     settings = close(settings)
-    if arm.dof == arm.joints:
+    if arm.dof == arm.n_joints:
         raise InputError(Problem("arm", "is rigid", hint="Use fa.rigid_torque(arm, motion)."))
     constraint = TipConstraint(arm, motion)
     constraint.check()
@@ -376,7 +376,7 @@ class _Search:
         gram, gradient = self._linear(best)
         while (best.tip > allowed[0] or best.error > allowed[1]) and damping <= _MOST_DAMPING:
             damped = gram + damping**2 * np.trace(gram) * np.eye(len(gram))
-            change = solve(damped, -gradient, assume_a="pos").reshape(-1, self.arm.joints)
+            change = solve(damped, -gradient, assume_a="pos").reshape(-1, self.arm.n_joints)
             coefficients = best.torque.coefficients.copy()
             coefficients[free_coefficients(best.torque.knots)] += change
             try:

@@ -129,9 +129,9 @@ def misfits(
     """Return the requirements of a controller that are not met, one problem each."""
     requirements = requirements_of(controller, arm, reference)
     called = called or type(controller).__name__
-    if requirements.joints not in (None, arm.joints):
+    if requirements.joints not in (None, arm.n_joints):
         own = f"{requirements.joints} joint{'s' * (requirements.joints != 1)}"
-        return [Problem("controller", f"is for {own}, but the arm has {arm.joints}")]
+        return [Problem("controller", f"is for {own}, but the arm has {arm.n_joints}")]
     there = measured_names(arm, hardware, contacts)
 
     def missing(name: str) -> Problem:
@@ -266,7 +266,7 @@ class RunLoop(ControlLoop):
 
     def _new_system(self) -> System:
         breaks = np.arange(self.acting.pieces + 1.0)
-        held = np.zeros((self.acting.pieces, 4, self.run.arm.joints))
+        held = np.zeros((self.acting.pieces, 4, self.run.arm.n_joints))
         return self.run.system(PiecewiseCubic(breaks, held, np.zeros(0)))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -436,7 +436,7 @@ class ClosedLoop(RunLoop):
 
     def _checked(self, t: float, given: Any) -> FloatArray:
         """Return torques (joints,) of the controller at t; SimulationError if it cannot be."""
-        shape = (self.run.arm.joints,)
+        shape = (self.run.arm.n_joints,)
         if is_plain(given, shape) and all(map(math.isfinite, given.tolist())):
             return np.array(given)  # the controller may change its own later
         try:

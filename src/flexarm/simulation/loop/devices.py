@@ -46,7 +46,7 @@ class Acting:
     def __init__(
         self, hardware: Hardware | None, arm: Arm, keep: bool = True, runs: int | None = None
     ) -> None:
-        joints = arm.joints
+        joints = arm.n_joints
         given = hardware.motors if hardware is not None else None
         self.plain = given is None  # the commanded torque acts immediately
         self._motors = given or Motors()

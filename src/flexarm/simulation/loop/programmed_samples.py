@@ -48,7 +48,7 @@ class ProgrammedSamples:
         loop.seconds += time.perf_counter() - started
         memory = loop.controller.memory
         program.numbers[program.memory] = flat(memory)
-        commands = np.zeros((len(inputs), loop.run.arm.joints))
+        commands = np.zeros((len(inputs), loop.run.arm.n_joints))
         count = np.array([first, first + len(inputs), first, REFUSED])
         times = np.array([loop.sample_time, loop.end])
         law = SampledLaw(program, *self._sensors, inputs, commands, count, self._small, times)

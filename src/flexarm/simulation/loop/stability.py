@@ -272,7 +272,7 @@ def _worst(
         model = model_at(simulated, angle, free, touched)
         for name in set(signals) - set(free):  # without contact these signals are zero
             size = len(contacts) * (2 if name == "contact_force" else 1)
-            none = np.zeros((size, len(model.A))), np.zeros((size, simulated.joints))
+            none = np.zeros((size, len(model.A))), np.zeros((size, simulated.n_joints))
             model.signals[name] = Signal(np.zeros(size), *none)
         return model
 

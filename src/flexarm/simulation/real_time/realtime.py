@@ -107,7 +107,7 @@ class PlantLoop:
         self._readings: list[Measurement] = []
         self._torques: list[FloatArray] = []
         self._times, self._held = SampleTimes(), 0
-        self._torque = np.zeros(plant.arm.joints)
+        self._torque = np.zeros(plant.arm.n_joints)
         self._begin = self._heard = 0.0
 
     def run(self, samples: int) -> xr.Dataset:
@@ -115,7 +115,7 @@ class PlantLoop:
         if self._paced:  # the first step of a process loads compiled functions
             with warnings.catch_warnings(), suppress(FlexarmError):  # the plant repeats them
                 warnings.simplefilter("ignore")
-                copy.deepcopy(self._plant).step(np.zeros(self._plant.arm.joints))
+                copy.deepcopy(self._plant).step(np.zeros(self._plant.arm.n_joints))
         self._begin = self._heard = self._clock.now()
         try:
             for k in range(samples):
@@ -173,7 +173,7 @@ class PlantLoop:
         at = np.arange(steps + 1, dtype=np.float64) * plant.sample_time
         states = arm.padded(np.array(self._states))
         channels = channels_of(arm, states, _CHANNELS)
-        applied = np.array([*self._torques[:steps], self._torque]).reshape(steps + 1, arm.joints)
+        applied = np.array([*self._torques[:steps], self._torque]).reshape(steps + 1, arm.n_joints)
         attributes: dict[str, Any] = {
             "controller": self._partner.name,
             "sample_time": plant.sample_time,
@@ -470,7 +470,7 @@ def _partner(
     plant: Plant, controller: Controller | str, reference: Reference | None, clock: Clock
 ) -> Partner:
     """Return the controller of a plant."""
-    joints = plant.arm.joints
+    joints = plant.arm.n_joints
     shapes = {name: values.shape for name, values in plant.measurement.items()}
     if isinstance(controller, str):
         motion = dict.fromkeys(REFERENCE, (joints,)) if reference is not None else {}

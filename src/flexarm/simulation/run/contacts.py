@@ -41,7 +41,7 @@ def contacts_of_run(arm: Arm, contacts: Sequence[Contact], state: FloatArray) ->
     """Place the contacts of a run on the arm and set their mobilities."""
     placed = place_contacts(arm, contacts)
     if contacts:
-        bent = np.full(arm.joints, _BENT)
+        bent = np.full(arm.n_joints, _BENT)
         postures = [arm.unpadded(state[0])]
         if not arm.closure_rows:  # other postures would open loops
             postures += [arm.rest(0.0 * bent), arm.rest(bent)]
@@ -52,7 +52,7 @@ def contacts_of_run(arm: Arm, contacts: Sequence[Contact], state: FloatArray) ->
 
 def _mobility(arm: Arm, contact: Contact, q: FloatArray) -> float:
     """Compute the largest acceleration of the contact point per force on it at a posture, 1/kg."""
-    rest, still = np.zeros(arm.dof), np.zeros(arm.joints)
+    rest, still = np.zeros(arm.dof), np.zeros(arm.n_joints)
     none = arm.forward_dynamics(q, rest, still), arm.inverse_dynamics(q, rest, rest)
     pushed, force = np.zeros((2, arm.dof)), np.zeros((2, arm.dof))
     for axis, unit in enumerate(np.eye(2)):
@@ -118,7 +118,7 @@ def refuse_pressing_outward(
     the tip can contact. Other references pass unchecked.
     """
     end = float(arm.lengths[-1]) * (1.0 - SAME_PLACE)  # of the last link
-    stations = {k: one.station for k, one in enumerate(contacts) if one.link in (None, arm.links)}
+    stations = {k: one.station for k, one in enumerate(contacts) if one.link in (None, arm.n_links)}
     touching = [k for k, station in stations.items() if station is None or station >= end]
     if not isinstance(reference, PressedMotion) or not touching:
         return

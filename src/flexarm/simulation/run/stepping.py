@@ -194,7 +194,7 @@ class Run:
         """
         arm, states = self.arm, self.samples[: len(times)]
         n = arm.assembly.bodies
-        system = self.system(PiecewiseCubic.constant(np.zeros(arm.joints)))
+        system = self.system(PiecewiseCubic.constant(np.zeros(arm.n_joints)))
         wrench, motor = np.zeros((len(times), n, 3)), np.zeros((len(times), n))
         torques, closing = arm.padded_torque(given), np.zeros((len(times), arm.closure_rows + 1))
         cuts = cuts_at(arm, self.settings.stations) if self.settings.stations else []
@@ -203,7 +203,7 @@ class Run:
             inboard = loads_inboard(arm, self.loads.owners, self.loads.placed, cut.reach)
             drive = system.drive._replace(loads=inboard)
             sections.append(System(cut.sizes, cut.constants, drive, system.work))
-        inside = np.zeros((len(cuts), len(times), arm.links, 3))
+        inside = np.zeros((len(cuts), len(times), arm.n_links, 3))
         for start in range(0, len(times), _CHUNK):
             part = slice(start, start + _CHUNK)
             now = times[part], states[part]

@@ -218,7 +218,7 @@ def default_request(arm: Arm) -> float | None:
     not let it slide where it should stick. None if the default tolerances decide: for an arm
     without free joints, whose vibration is the whole motion, and adds the errors of all steps.
     """
-    if not arm.joints:
+    if not arm.n_joints:
         return None
     rubs = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
     smooth = [one.smoothing_rate / one.stribeck_rate for one in rubs if one.smoothing_rate]

@@ -166,12 +166,12 @@ def deflection(result: xr.Dataset, count: int = 6, *, axes: Any = None) -> Axes:
     along = _along(arm, np.linspace(0.0, 1.0, STATIONS))
     with style.panels(axes, 1, (style.WIDTH, 2.8), style.rows(1)) as (panel,):
         low, high = scale * bent.min(axis=0), scale * bent.max(axis=0)
-        for link in range(arm.links):
+        for link in range(arm.n_links):
             label = "range of the run" if link == 0 else "_"
             panel.fill_between(along[link], low[link], high[link], label=label, **_SPAN)
         ages = np.linspace(0.0, 1.0, count)
         for k, time, age in zip(chosen, shown_times, ages, strict=True):
-            for link in range(arm.links):
+            for link in range(arm.n_links):
                 named = link == 0 and k in (chosen[0], chosen[-1])
                 label = f"{time:.3g} s" if named else "_"
                 look = {"color": style.AGES(age), "linewidth": 1.1, "label": label}
@@ -204,7 +204,7 @@ def bending_moment(result: xr.Dataset, *, axes: Any = None) -> Axes:
     low, high = scale * moment.min(axis=0), scale * moment.max(axis=0)
     along = _along(arm, result["station"].values)
     with style.panels(axes, 1, (style.WIDTH, 2.8), style.rows(1)) as (panel,):
-        for link in range(arm.links):
+        for link in range(arm.n_links):
             names = ("range of the run", "largest", "smallest") if link == 0 else ("_",) * 3
             panel.fill_between(along[link], low[link], high[link], label=names[0], **_SPAN)
             panel.plot(along[link], high[link], color=style.BLUE, linewidth=1.1, label=names[1])
@@ -242,7 +242,7 @@ def _roots(arm: Arm) -> FloatArray:
     """Return the distances of the joints of the links from the base, along the arm, (links,) m."""
     if arm.spec.is_serial:
         return np.asarray(np.cumsum(arm.lengths) - arm.lengths)
-    roots = np.zeros(arm.links)
+    roots = np.zeros(arm.n_links)
     for i, parent in enumerate(arm.spec.parents):
         if parent >= 0:
             roots[i] = roots[parent] + arm.spec.links[parent].hub_radius + station_of(arm.spec, i)

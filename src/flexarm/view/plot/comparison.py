@@ -227,7 +227,7 @@ class _Samples:
 
     def draw(self, made: Sequence[Axes]) -> None:
         """Draw every run, and a legend of the controllers and plants if there are several."""
-        columns = len(self.paths)
+        columns, (scale, unit) = len(self.paths), self.metric.display
         pairs = [(c, p) for c in self.table.controller.values for p in self.table.plant.values]
         colors = series_colors(len(pairs))
         for k, axes in enumerate(made):
@@ -236,7 +236,7 @@ class _Samples:
                 chosen = {"controller": controller, "plant": plant, "reference": reference}
                 one = self.table.sel(chosen)
                 label = f"{controller} on {plant}" if self.table.sizes["plant"] > 1 else controller
-                given, values = one[path].values, one[self.metric.name].values
+                given, values = one[path].values, scale * one[self.metric.name].values
                 axes.plot(given, values, ".", markersize=3, color=color, label=str(label))
                 failed = given[one["failure"].values != ""]
                 edge = axes.get_xaxis_transform()
@@ -246,7 +246,7 @@ class _Samples:
             if k >= len(made) - columns:
                 axes.set_xlabel(path)
             if k % columns == 0:
-                axes.set_ylabel(f"{self.metric.name} [{self.metric.unit}]")
+                axes.set_ylabel(f"{self.metric.name} [{unit}]")
                 if len(self.references) > 1:
                     axes.set_title(f"along {reference}")
             axes.margins(x=0.02)

@@ -80,7 +80,7 @@ def _draw_shapes(made: Sequence[Axes], result: Modes) -> None:
     curves = result.curves(amplitude=0.12 * result.arm.reach)
     rest = result.arm.shape(result.q)
     for k, axes in enumerate(made):
-        for link in range(result.arm.links):
+        for link in range(result.arm.n_links):
             axes.plot(*rest[link].T, **{**style.RIGID, "label": "_"})
             axes.plot(*curves[k, link].T, color=style.BLUE, linewidth=1.3)
             axes.plot(*(2 * rest[link] - curves[k, link]).T, color=style.GREY, linewidth=0.7)

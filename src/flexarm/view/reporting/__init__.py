@@ -170,7 +170,7 @@ def errors_table(result: xr.Dataset, arm: Arm, reference: Any) -> Table:
     for metric in METRICS:
         if np.isfinite(values[metric.name]) and metric.name != "controller_time":
             words = metric.name.replace("rms", "RMS").replace("_", " ")
-            scale, unit = (1e3, "mm") if metric.unit == "m" else (1.0, metric.unit)
+            scale, unit = metric.display
             name = f"{words[0].upper()}{words[1:]} [{unit}]"
             rows.append((name, number(scale * values[metric.name])))
             notes[name] = metric.meaning
@@ -432,8 +432,8 @@ def report(
     engine = template_engine()
     place = None if path is None else check_place("path", path, (".html",))
     factor = drawn_result.factor_of(magnify, [(arm, result, bool(touched))])
-    options = SceneOptions(factor, True, arm.links <= _MOST_ARROWS, ghost, desired, touched)
-    times, fps, speed = clock(result, arm.links)
+    options = SceneOptions(factor, True, arm.n_links <= _MOST_ARROWS, ghost, desired, touched)
+    times, fps, speed = clock(result, arm.n_links)
     scene = scene_of("", arm, result, times, options, fitted(histories))
     player = fragment([scene], fps, speed, _BESIDE)
     text = render(engine, result, arm, desired, histories, title, notes, player, factor)

@@ -24,7 +24,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 import flexarm
 from flexarm.base.errors import InputError, printable
 from flexarm.base.references import package_version
-from flexarm.model import PlantSpec
+from flexarm.model import ArmSpec, PlantSpec
 from flexarm.model.checks import Record
 from flexarm.model.wording import Path, path_text
 from flexarm.view.plot.animation.scene import player_function, style
@@ -234,6 +234,7 @@ class _Window:
         self._requested: Project | None = None
         self._pictured: Project | None = None
         self._seconds = 0.0
+        self._arms: dict[str, ArmSpec] = {}  # of the opened files, which scenarios may name
         self._loop = asyncio.get_running_loop()
         self._client = ui.context.client
         ui.colors(primary="#005A8E")  # dark enough for text on white
@@ -277,7 +278,7 @@ class _Window:
     async def _open(self, event: UploadEventArguments) -> None:
         self._upload.reset()
         try:
-            project = open_bytes(await event.file.read(), event.file.name)
+            project = open_bytes(await event.file.read(), event.file.name, self._arms)
         except InputError as error:
             self._say(f"The file {printable(event.file.name)} was not opened.\n{error}")
             return
@@ -285,6 +286,7 @@ class _Window:
             self._say(f"The file was not opened: {error.strerror or error}.")
             return
         self._say("")
+        self._arms[event.file.name] = project.record.arm
         self._put(project)
 
     def _refuse(self, event: GenericEventArguments) -> None:

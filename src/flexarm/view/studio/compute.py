@@ -99,14 +99,14 @@ def _part(request: Request) -> Part:
         return Report(report(result, title=project.name, rigid=True))
     arm = plant or prepared.arm
     reference = prepared.followed.motion
-    times, fps, speed = clock(result, arm.links, _MOST_COORDINATES)
+    times, fps, speed = clock(result, arm.n_links, _MOST_COORDINATES)
     histories = several("channels", None, result)
     if reference is not None:
         histories = [*histories, error_panel(result, arm, reference)]
     contacts = prepared.options.get("contacts", ())
     options = SceneOptions(
         magnify=factor_of("auto", [(arm, result, bool(contacts))]),
-        torque=arm.links <= _MOST_ARROWS,
+        torque=arm.n_links <= _MOST_ARROWS,
         ghost=rigid_result(True, arm, result),
         reference=reference,
         contacts=contacts,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count, zip_longest
@@ -17,7 +17,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import InputError, Problem
+from flexarm.base.errors import FlexarmError, InputError, Problem
 from flexarm.base.writing.places import AnyPath
 from flexarm.model import ArmSpec, Link, PlantSpec, Scenario, StudySpec, file_text
 from flexarm.model.arm.links import MATERIALS, Material
@@ -31,10 +31,11 @@ from flexarm.view.studio.values.forms import Forms, forms_at
 
 #: Last part of a path: the kind of a record, another form of a value, the text of a table, a new
 #: entry of a list or mapping or a value that was omitted, and its removal; a way to describe a link
-#: or its material.
+#: or its material; a copy of a link and its exchange with the next one, each with its joint.
 KIND, FORM, TABLE, NEW, REMOVE = "kind", "<form>", "<table>", "<new>", "<remove>"
-WAY, PRESET = "<way>", "<preset>"
+WAY, PRESET, COPY, MOVE = "<way>", "<preset>", "<copy>", "<move>"
 WORDS = (KIND, FORM, TABLE, NEW, REMOVE, WAY, PRESET)
+LINKS: Path = ("arm", "links")
 #: A material that is not a preset.
 OWN = "other"
 #: Descriptions of a link, and the fields of each.
@@ -104,6 +105,9 @@ def plain_edit(
 
 def shown_by(record: Scenario | StudySpec, place: Path, path: Path) -> Path:
     """Return the path, or its beginning, of the field to continue with after an edit."""
+    if path[:2] == LINKS and len(path) == 4 and path[-1] in (COPY, MOVE, REMOVE):
+        last = len(record.arm.links) - 1
+        return (*LINKS, min(last, int(path[2]) + (path[-1] != REMOVE)), path[-1])
     if path[-1] == REMOVE:
         return (*path[: -2 if isinstance(path[-2], int) else -1], NEW)
     if path[-1] == NEW:
@@ -129,7 +133,7 @@ def _in_form(scenario: Scenario, forms: Forms, name: str, old: Any) -> list[Any]
     if name == "record":
         return [starts.new_record(scenario, form.type, old)]
     if name == "list":
-        lengths = [Arm(scenario.arm).joints] if form.per_joint else [len(scenario.arm.links), 1]
+        lengths = [Arm(scenario.arm).n_joints] if form.per_joint else [len(scenario.arm.links), 1]
         return [[old] * length for length in lengths]
     if isinstance(old, Record):
         old = getattr(old, old._columns[-1])
@@ -276,6 +280,8 @@ class Project:
         This is the override of ``flexarm run --set``, with its messages. Paths that end with a word
         of `flexarm.view.studio.state` are other edits, such as a new entry of a list.
         """
+        if path[:2] == LINKS and len(path) == 4 and path[-1] in (COPY, MOVE, REMOVE):
+            return replace(self, record=_rebuilt(self.record, _order(path, self.record.arm)))
         place = self.placed(path)
         values: Sequence[Any] = (value,)
         if path[-1:] and path[-1] in WORDS:
@@ -339,6 +345,54 @@ class Project:
         return texts
 
 
+def _order(path: Path, arm: ArmSpec) -> list[int]:
+    """Return the links (of the old arm) in the order that an edit of a link leads to."""
+    order, k = list(range(len(arm.links))), int(path[2])
+    if path[-1] == COPY:
+        order.insert(k, k)
+    elif path[-1] == REMOVE:
+        del order[k]
+    else:
+        order[k : k + 2] = reversed(order[k : k + 2])
+    return order
+
+
+def _rebuilt(record: Scenario | StudySpec, order: list[int]) -> Scenario | StudySpec:
+    """Return a record whose arm has the links of another one in an order, with their joints.
+
+    A branch remains on its link. What does not fit other joints is made anew: the drive, and then
+    the motion and the initial state, too.
+    """
+    old = record.arm
+    links = [old.links[k] for k in order]
+    for i, link in enumerate(links):
+        if link.parent:
+            numbers = [k + 1 for k in order]
+            place = numbers.index(link.parent) + 1 if link.parent in numbers else link.parent
+            links[i] = link.replace(parent=place)
+    arm = old.replace(links=links, joints=[old.joints[k] for k in order])
+    if isinstance(record, StudySpec):
+        return record.replace(arm=arm)
+    around = starts.scenario_around(arm)
+    bare: dict[str, Any] = {"initial": None, "hardware": None, "motion": around.motion}
+    refusals: list[FlexarmError] = []
+    attempts: list[dict[str, Any]] = [
+        {},
+        {"motion": record.motion},
+        {"motion": around.motion},
+        bare,
+    ]
+    for more in attempts:
+        try:
+            if more:
+                undriven = around.replace(**more)
+                more["drive"] = starts.drive_of_kind(undriven, record.drive.kind)
+            return record.replace(arm=arm, **more)
+        except FlexarmError as error:
+            refusals.append(error)
+    raise refusals[0]
+
+
 def _abbreviated(record: Scenario | StudySpec, content: Any, path: Path) -> Iterator[Change]:
     """Yield explicit values on a path for those that the file omits or gives by name."""
     for k, part in enumerate(path):
@@ -366,9 +420,9 @@ def open_file(path: AnyPath) -> Project:
     return project_of(load_any(path), _stem(str(path)))
 
 
-def open_bytes(content: bytes, file: str) -> Project:
-    """Open the content of a file that a browser sent; it must not name another file."""
-    return project_of(record_of_bytes(content, file), _stem(file))
+def open_bytes(content: bytes, file: str, arms: Mapping[str, ArmSpec] | None = None) -> Project:
+    """Open the content of a file that a browser sent; it may name those of the ``arms``."""
+    return project_of(record_of_bytes(content, file, arms), _stem(file))
 
 
 def paper_project() -> Project:

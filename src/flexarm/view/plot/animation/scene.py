@@ -106,7 +106,7 @@ def scene_of(
     time = result["time"].values
     now = np.clip(float(time[0]) + times, time[0], time[-1])
     q = at_times(time, result["q"].values, now)
-    links = shapes_of(arm, q, stations=stations_of(arm.links))
+    links = shapes_of(arm, q, stations=stations_of(arm.n_links))
     bending = bending_of(arm, q, links, touches=bool(options.contacts))
     path_times = np.linspace(time[0], time[-1], min(len(time), _MOST_POINTS))
     along = at_times(time, result["q"].values, path_times)
@@ -325,8 +325,8 @@ def surroundings(
         check_reference(reference)
         angles = np.asarray(reference.joint_angle(0.0))
         # A reference of another arm is drawn if it has its own path of the tip.
-        if getattr(reference, "tip", None) is None and angles.shape != (arm.joints,):
-            rule = f"move the {arm.joints} joints of the arm"
+        if getattr(reference, "tip", None) is None and angles.shape != (arm.n_joints,):
+            rule = f"move the {arm.n_joints} joints of the arm"
             raise InputError(Problem("reference", rule, f"one for {angles.size} joints"))
     moved, touched = _of_scenario(arm, result)
     return moved if reference is None else reference, touched if contacts is None else contacts
@@ -335,7 +335,7 @@ def surroundings(
 def _of_scenario(arm: Arm, result: xr.Dataset) -> tuple[Any, Sequence[Contact]]:
     """Return motion and contacts of a result's scenario, if it has one."""
     scenario = scenario_of(result)
-    if scenario is None or len(scenario.arm.links) != arm.links:
+    if scenario is None or len(scenario.arm.links) != arm.n_links:
         return None, []
     try:
         return motion_of(arm, scenario), scenario.contacts

@@ -81,10 +81,10 @@ def groups_of(project: state.Project) -> list[Group]:
     record, arm = project.record, project.record.arm
     lengths = [link.reach for link in arm.links]
     of = FieldMaker(Sizes(len(lengths), sum(lengths), max(lengths)))
-    groups = [
-        Group(f"{title} {k + 1}", partial(of.record, part, ("arm", f"{title.lower()}s", k)))
-        for title, parts in (("Link", arm.links), ("Joint", arm.joints))
-        for k, part in enumerate(parts)
+    groups = [Group(f"Link {k + 1}", partial(of.link, link, k)) for k, link in enumerate(arm.links)]
+    groups += [
+        Group(f"Joint {k + 1}", partial(of.record, joint, ("arm", "joints", k)))
+        for k, joint in enumerate(arm.joints)
     ]
     groups.append(Group("Payload", partial(of.group, _value_of(arm, "payload", ("arm",)))))
     rest = [name for name in type(arm).model_fields if name not in ("links", "joints", "payload")]
@@ -154,6 +154,16 @@ class FieldMaker:
         for entry in self._value(of):
             same = isinstance(entry, Part) and entry.path == of.path
             yield from entry.entries if same else (entry,)  # type: ignore[union-attr]
+
+    def link(self, link: Link, k: int) -> Iterator[_Entry]:
+        """Yield the fields of a link, and buttons that change the row of links and joints."""
+        yield from self.record(link, (*state.LINKS, k))
+        last = k == self._sizes.links - 1
+        edits = {state.COPY: "Copy link {}", state.MOVE: "Exchange link {} with the next one"}
+        for word, text in {**edits, state.REMOVE: "Remove link {}"}.items():
+            if not (last and word == state.MOVE) and self._sizes.links > (word != state.COPY):
+                path, about = (*state.LINKS, k, word), "With the joint at its root."
+                yield Field(path, text.format(k + 1), None, "button", "", about)
 
     def record(self, record: Record, path: Path) -> Iterator[_Entry]:
         """Yield the fields of a record: first those that files usually have."""

@@ -49,7 +49,7 @@ _DURATION, _ANGLE = 2.0, 0.5
 
 def scenario_around(arm: ArmSpec) -> Scenario:
     """Return a scenario of an arm: all joints turn, by the torques of the rigid arm."""
-    joints = Arm(arm).joints
+    joints = Arm(arm).n_joints
     motion = _joints(np.zeros(joints), np.full(joints, _ANGLE)) if joints else None
     drive = {"kind": "rigid_inverse_dynamics" if joints else "none"}
     run = {"duration": 1.5 * _DURATION}
@@ -93,7 +93,7 @@ def ends_of(arm: Arm, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
             return np.asarray(motion.joint_angle(0.0)), np.asarray(motion.joint_angle(1e9))
     except FlexarmError:  # the motion leaves the reach: start anew
         pass
-    return np.full(arm.joints, 0.3), np.full(arm.joints, 0.3 + _ANGLE)
+    return np.full(arm.n_joints, 0.3), np.full(arm.n_joints, 0.3 + _ANGLE)
 
 
 def _joints(start: FloatArray, end: FloatArray) -> dict[str, Any]:
@@ -276,7 +276,7 @@ def _times(scenario: Scenario, count: int) -> list[float]:
 def _joint_event(scenario: Scenario, old: Any) -> dict[str, Any]:
     arm = Arm(scenario.arm)
     first, last = ends_of(arm, scenario)
-    angle = short(0.5 * (first[0] + last[0])) if arm.joints else 0.0
+    angle = short(0.5 * (first[0] + last[0])) if arm.n_joints else 0.0
     return {"joint": next(iter(arm.joint_numbers.tolist()), 1), "angle": angle}
 
 
@@ -500,7 +500,7 @@ def _instruments(arm: Arm) -> list[dict[str, Any]]:
 
 def _sampled(of: _Design) -> dict[str, Any]:
     """Return samples of the torque of the rigid arm along the motion."""
-    motion, joints = of.motion, of.arm.joints
+    motion, joints = of.motion, of.arm.n_joints
     if motion is None:
         return {"rate": 10.0, "values": [[0.0] * joints] * 2}
     torque = rigid_torque(of.arm, motion)
