@@ -233,5 +233,5 @@ def test_a_link_that_carries_another_one_is_not_stiffer(modes, station):
 
 def test_one_mode_in_each_segment_is_refused():
     beam = {"length": 1.0, "flexural_rigidity": 1.0, "mass_per_length": 1.0, "elements": 4}
-    with pytest.raises(fa.ModelError, match="at least 2 with segments.*moves 19% too little"):
+    with pytest.raises(fa.ModelError, match=r"at least 2 with segments.*moves 19% too little"):
         fa.Link(**beam, segments=4, modes=1)

@@ -196,13 +196,12 @@ def joint_inertias(arm: Arm, postures: FloatArray) -> tuple[FloatArray, FloatArr
     The least one that a torque turns at high frequencies, when the links do not follow; and the
     largest one of the rigid arm.
     """
-    rigid, near, whole = arm.rigid(), np.inf, 0.0
+    rigid, inverses, masses = arm.rigid(), [], []
     for angles in postures:
-        inverse = np.linalg.inv(arm.mass_matrix(arm.rest(angles)))
-        near = np.minimum(near, 1.0 / np.diag(inverse)[arm.joint_index])
-        mass = rigid.mass_matrix(rigid.rest(angles))
-        whole = np.maximum(whole, np.diag(mass)[rigid.joint_index])
-    return np.asarray(near), np.asarray(whole)
+        inverses.append(np.diag(np.linalg.inv(arm.mass_matrix(arm.rest(angles)))))
+        masses.append(np.diag(rigid.mass_matrix(rigid.rest(angles))))
+    near = 1.0 / np.max(inverses, axis=0)[arm.joint_index]
+    return np.asarray(near), np.max(masses, axis=0)[rigid.joint_index]
 
 
 def arm_scales(arm: Arm, rate: float) -> ArmScales:
