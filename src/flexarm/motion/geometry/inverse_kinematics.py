@@ -89,7 +89,7 @@ class RigidTree(RigidChain):
 
 def check_arm(arm: Arm) -> Arm:
     """Return an object that has the joints and links of an arm, or raise InputError."""
-    parts = ("joints", "links", "lengths", "spec", "assembly")
+    parts = ("n_joints", "n_links", "lengths", "spec", "assembly")
     if isinstance(arm, type) or not all(hasattr(arm, name) for name in parts):
         given = f"the class {arm.__name__}" if isinstance(arm, type) else shown(arm)
         raise InputError(Problem("arm", "be an Arm", given))
