@@ -27,11 +27,11 @@ class Links:
         return np.array(self.link_lengths)
 
     @property
-    def joints(self) -> int:
+    def n_joints(self) -> int:
         return len(self.link_lengths)
 
     @property
-    def links(self) -> int:
+    def n_links(self) -> int:
         return len(self.link_lengths)
 
     @property
