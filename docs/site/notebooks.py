@@ -14,6 +14,8 @@ import nbformat
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 _FENCE = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+#: Parts that a page folds; Jupyter renders each cell alone, and cannot fold several.
+_FOLDED = re.compile(r"^</details>\n|^<details>\s*<summary>(.*?)</summary>\n", re.MULTILINE)
 _DRAWING = re.compile(r"\bplt\.|\bfa\.plot\.\w+\(")
 #: Stored pictures after code that draws them.
 _STORED = re.compile(r"(?<=^```\n)\n(?:!\[[^\]]*\]\([\w-]+\.png\)\n)+", re.MULTILINE)
@@ -51,7 +53,7 @@ def _directive(cell: nbformat.NotebookNode) -> str:
 
 def notebook(text: str) -> str:
     """Return the ``.ipynb`` file of a page, for its readers."""
-    cells = list(_cells(text))
+    cells = list(_cells(_FOLDED.sub(lambda fold: f"### {fold[1]}\n" if fold[1] else "", text)))
     for number, cell in enumerate(cells):
         cell["id"] = f"cell-{number}"  # random ones would make two builds differ
     return str(nbformat.writes(new_notebook(cells=cells, metadata={"kernelspec": _KERNEL})))

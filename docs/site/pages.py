@@ -33,6 +33,7 @@ PROJECT = (
 #: Titles of the navigation, and the folder of the pages below each; "" is the top of ``docs``.
 SECTIONS = {
     "Tutorials": "tutorials",
+    "Course": "course",
     "Live pages": "live",
     "How-to guides": "how-to",
     "Reference": "reference",
@@ -40,7 +41,7 @@ SECTIONS = {
     "Background": "",
 }
 #: Folders whose pages are notebooks if they draw.
-NOTEBOOKS = ("tutorials", "how-to")
+NOTEBOOKS = ("tutorials", "course", "how-to")
 _LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
 #: Rows of a table of pictures, which do not decide the order of the navigation.
 _PICTURES = re.compile(r"^\| \[!\[.*$", re.MULTILINE)
@@ -74,19 +75,25 @@ def assemble(folder: Path, run: str) -> None:
         name = page.relative_to(folder)
         card = name.parts[0] == "cards"
         if card or (name.parts[0] in NOTEBOOKS and draws(text)):
-            linked = _with_notebook(page, text, folder / "notebooks")
+            linked = _with_notebooks(page, text, folder / "notebooks")
             runs = not card and fnmatch(name.as_posix(), run)
             page.write_text(runnable(linked) if runs else linked, encoding="utf-8")
     write_reference(folder / "reference")
 
 
-def _with_notebook(page: Path, text: str, folder: Path) -> str:
-    """Write the notebook of a page, and return the text with a link to it."""
-    name = page.with_suffix(".ipynb").name
+def _with_notebooks(page: Path, text: str, folder: Path) -> str:
+    """Write the notebooks of a page, and return the text with links to them."""
     folder.mkdir(exist_ok=True)
-    (folder / name).write_text(notebook(text), encoding="utf-8")
+    exercises, _, solutions = text.partition("\n## Solutions\n")
+    versions = {"notebook": (page.stem, text)}
+    if solutions:
+        versions["notebook without solutions"] = (f"{page.stem}-exercises", exercises)
+    links = []
+    for label, (name, content) in versions.items():
+        (folder / f"{name}.ipynb").write_text(notebook(content), encoding="utf-8")
+        links.append(f"{{download}}`{label} <../notebooks/{name}.ipynb>`")
     title, _, rest = text.partition("\n")
-    return f"{title}\n\nThis page is also a {{download}}`notebook <../notebooks/{name}>`.\n{rest}"
+    return f"{title}\n\nThis page is also a {' and a '.join(links)}.\n{rest}"
 
 
 def _source_of(page: Path) -> Path:
@@ -137,7 +144,9 @@ def _contents(text: str, page: Path) -> str:
     for title, folder in SECTIONS.items():
         inside = [name for name in linked if name.rpartition("/")[0] == folder]
         if not folder:
-            inside += [name for name in linked if name.endswith("/index.md")]
+            sections = tuple(f"{name}/" for name in SECTIONS.values() if name)
+            indexes = (name for name in linked if name.endswith("/index.md"))
+            inside += [name for name in indexes if not name.startswith(sections)]
         parts.append(_toctree(title, inside))
     parts.append(_toctree("Project", [f"project/{name}" for name in PROJECT]))
     return "".join(parts)

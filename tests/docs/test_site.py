@@ -7,6 +7,7 @@ times.
 from __future__ import annotations
 
 import html
+import importlib
 import json
 import re
 import subprocess
@@ -47,6 +48,25 @@ def test_site_is_complete(tmp_path: Path) -> None:
         check_notebook_has_run,
     ):
         check(site)
+
+
+def test_students_get_notebooks_without_solutions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("nbformat", reason="it comes with the extra: pip install 'flexarm[docs]'")
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "site"))
+    assemble = importlib.import_module("pages").assemble
+    assemble(tmp_path, "")
+    parts = [page for page in (ROOT / "docs" / "course").glob("*.md") if page.stem != "index"]
+    assert parts
+    for part in parts:
+        folder = tmp_path / "notebooks"
+        whole = (folder / f"{part.stem}.ipynb").read_text(encoding="utf-8")
+        exercises = (folder / f"{part.stem}-exercises.ipynb").read_text(encoding="utf-8")
+        assert "## Exercises" in exercises
+        assert "## Solutions" not in exercises
+        assert "## Solutions" in whole
+        assert "<details>" not in whole, "Jupyter would fold the text and not its cells"
 
 
 def check_every_page_is_in_the_navigation(site: Path) -> None:
