@@ -22,7 +22,9 @@ import os
 import re
 import shlex
 import shutil
+import sys
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -54,13 +56,15 @@ _LINK = {"length": 1.0, "flexural_rigidity": 10.0, "mass_per_length": 1.0}
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Return an empty folder with the examples of the repository, as the working directory."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     if (ROOT / "examples").exists():
         shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    return tmp_path
+    yield tmp_path
+    if "matplotlib.pyplot" in sys.modules:  # Matplotlib warns of more than twenty open figures
+        sys.modules["matplotlib.pyplot"].close("all")
 
 
 @pytest.mark.sampled(
