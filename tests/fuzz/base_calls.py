@@ -314,7 +314,10 @@ METHODS: dict[str, tuple[Callable[[], Any], dict[str, dict[str, Any]]]] = {
             **_TIMES,
             **{
                 key: {"t": 0.2}
-                for key in ("contact_force", "holding_torque", "normal", "pressing_torque", "tip")
+                for key in (
+                    *("contact_force", "curvature", "holding_torque"),
+                    *("normal", "pressing_torque", "tip"),
+                )
             },
         },
     ),

@@ -129,7 +129,7 @@ def test_a_plant_that_fails_ends_the_run_of_its_controller():
         ({"plant": "127.0.0.1:5005", "duration": None}, "readings is required"),
         ({"readings": READINGS}, "readings is only for a controller"),
         ({"clock": False, "answer_within": 1e-3}, "answer_within cannot be combined with clock"),
-        ({"answer_within": 0.0}, "answer_within must be greater than 0 s"),
+        ({"answer_within": 0.0}, "answer_within must be greater than 0"),
         ({"answer_within": 2 * H}, r"answer_within must be at most the sample time \(0\.001 s\)"),
         ({"duration": 101 * H}, r"duration must be at most that of the plant \(0\.1 s\)"),
         ({"timeout": 0.0}, "timeout must be"),

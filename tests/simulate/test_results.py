@@ -73,7 +73,7 @@ def test_every_arm_has_its_own_labels_and_values():
         one = ["link_1"] if segments == 1 else [f"link_1_segment_{n + 1}" for n in range(segments)]
         return ["joint_1", *(f"{piece}_mode_{k + 1}" for piece in one for k in range(modes))]
 
-    runs = {(0.1, 2, 1): [], (0.2, 2, 1): [], (0.1, 3, 1): [], (0.1, 1, 2): []}
+    runs = {(0.1, 2, 1): [], (0.2, 2, 1): [], (0.1, 3, 1): [], (0.1, 2, 2): []}
     for _ in range(2):
         for choice, results in runs.items():
             torque = [[sum(choice)]] * 5

@@ -68,7 +68,7 @@ def test_probability_of_an_arm_is_that_of_the_payload_which_reaches_the_limit():
 
 def test_wrong_arguments_are_refused():
     study = fa.Study(carrying())
-    with pytest.raises(fa.InputError, match="limits must be one of 'tip_error_rms'"):
+    with pytest.raises(fa.InputError, match="limits must be one of 12 names, got 'tip'"):
         study.rare_failures({"tip": 1.0})
     with pytest.raises(fa.InputError, match="samples must be at least 100"):
         study.rare_failures({"tip_error_peak": 1.0}, samples=10)

@@ -384,30 +384,6 @@ class MeasuredRecord:
         followed = {Label(name, j) for name in _FOLLOWED for j in self.settings.prescribed}
         return {label: column for label, column in columns.items() if label not in followed}
 
-    def treated(
-        self, input_delay: bool = False
-    ) -> tuple[list[Path], FloatArray, NDArray[np.bool_]]:
-        """Return paths of the outputs, their values (samples, outputs) after them, and validity.
-
-        With ``input_delay``, the delay of the input is that of the outputs.
-        """
-        outputs, delays = self.outputs, self.settings.delays
-        columns = np.stack(list(outputs.values()), axis=1)
-        valid, times = np.isfinite(columns), self.times - self.times[0]
-        more = delays.get(self.input, 0.0) if input_delay else 0.0
-        paths = [
-            Path(
-                times,
-                valid[:, k],
-                delays.get(label.channel, 0.0) + more,
-                self.settings.filters.get(label.channel, ()),
-            )
-            for k, label in enumerate(outputs)
-        ]
-        filled = np.where(valid, columns, 0.0)
-        measured = [path.measured(filled[:, k]) for k, path in enumerate(paths)]
-        return paths, np.stack(measured, axis=1), valid
-
     def _problems(self) -> list[Problem]:
         settings, present = self.settings, [name for name in MEASURED if name in self.data]
         problems = []
@@ -444,6 +420,31 @@ class MeasuredRecord:
         return problems + [
             gap for name, column in needed.items() for gap in _gap_problems(name, column, self)
         ]
+
+
+def treated(
+    record: MeasuredRecord, input_delay: bool = False
+) -> tuple[list[Path], FloatArray, NDArray[np.bool_]]:
+    """Return paths of the outputs, their values (samples, outputs) after them, and validity.
+
+    With ``input_delay``, the delay of the input is that of the outputs.
+    """
+    outputs, settings = record.outputs, record.settings
+    columns = np.stack(list(outputs.values()), axis=1)
+    valid, times = np.isfinite(columns), record.times - record.times[0]
+    more = settings.delays.get(record.input, 0.0) if input_delay else 0.0
+    paths = [
+        Path(
+            times,
+            valid[:, k],
+            settings.delays.get(label.channel, 0.0) + more,
+            settings.filters.get(label.channel, ()),
+        )
+        for k, label in enumerate(outputs)
+    ]
+    filled = np.where(valid, columns, 0.0)
+    measured = [path.measured(filled[:, k]) for k, path in enumerate(paths)]
+    return paths, np.stack(measured, axis=1), valid
 
 
 #: Settings that have no effect on a run with a controller.

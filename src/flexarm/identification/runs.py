@@ -24,6 +24,7 @@ from flexarm.identification.record import (
     MeasuredRecord,
     columns_of,
     place_of,
+    treated,
     without_phase,
 )
 from flexarm.identification.space import Case, Space, leading_joints, start_angles
@@ -57,7 +58,7 @@ class RecordRun:
         self.labels = list(record.outputs)
         self._check(arm)
         self.times = times = record.times - record.times[0]
-        self._paths, self.measured, self.valid = record.treated()
+        self._paths, self.measured, self.valid = treated(record)
         self._places = [place_of(arm, label) for label in self.labels]
         self.channels = list(dict.fromkeys(label.channel for label in self.labels))
         #: Inputs (samples, joints), in their unit.

@@ -252,7 +252,7 @@ class TestNone:
     @pytest.mark.parametrize(
         ("fields", "message"),
         [
-            ({"joint_angles": [1.0, 2.0]}, "equilibrium: joint_angles must be numbers of shape"),
+            ({"joint_angles": [1.0, 2.0]}, "equilibrium: joint_angles must have shape"),
             ({"torque": [np.nan]}, r"equilibrium: torque\[0\] must be finite"),
             ({"start": [0.0]}, "equilibrium: start must be numbers of shape"),
             ({"tip_force": (1.0, 2.0, 3.0, 4.0)}, "equilibrium: tip_force must be numbers"),

@@ -304,7 +304,7 @@ class TestOperatingPoint:
         ({"inputs": ["torqe"]}, "inputs must be a Load or one of 'torque'"),
         ({"inputs": [3]}, "inputs must be names"),
         ({"inputs": [fa.Load(1, (0, 0))]}, "must have a nonzero force or moment"),
-        ({"outputs": ["speed"]}, "outputs must be a Sensor or one of 'joint_angle'"),
+        ({"outputs": ["speed"]}, "outputs must be a Sensor or one of 17 names, got 'speed'"),
         ({"outputs": ["tip", "tip"]}, "outputs must have different names"),
         ({"outputs": [fa.Sensor("position", 1, name="a.b")]}, "names without dots"),
         ({"outputs": [fa.Sensor("position", 3)]}, "be the number of a link"),

@@ -585,9 +585,7 @@ class Composite(CompositeParameters, LQG):
         bend = -flexibility @ coupling.T
         moves = alone @ carried @ bend
         request = -stiff[:, None] * slow - damped[:, None] * rate
-        request = np.asarray(
-            np.linalg.solve(np.eye(arm.n_joints) - stiff[:, None] * moves, request)
-        )
+        request = np.linalg.solve(np.eye(len(stiff)) - stiff[:, None] * moves, request)
         slow -= moves @ request
         swing = np.zeros((2 * k, 2 * arm.dof))
         swing[np.arange(2 * k), moved] = 1.0

@@ -30,7 +30,7 @@ from flexarm.identification.frequency.fit import (
     root_of,
 )
 from flexarm.identification.frequency.response import POOR, alike_records, check_band
-from flexarm.identification.record import Label, MeasuredRecord, Records
+from flexarm.identification.record import Label, MeasuredRecord, Records, treated
 from flexarm.identification.statistics import Column, covariance_of, fit_percent
 from flexarm.integrate.base import FloatArray
 from flexarm.model.quantities import Count
@@ -133,10 +133,10 @@ class _OverTime(ModeProblem):
             between = times[:-1, None] + self._interval * self._nodes
             inside = history.at(between.ravel()).reshape(*between.shape, -1)
             self._driven.append((samples, inside))
-        treated = [record.treated(input_delay=True) for record in records]
-        self._paths = [paths for paths, _, _ in treated]
-        self.measured = np.concatenate([measured for _, measured, _ in treated])
-        self.valid = np.concatenate([valid for _, _, valid in treated])
+        after = [treated(record, input_delay=True) for record in records]
+        self._paths = [paths for paths, _, _ in after]
+        self.measured = np.concatenate([measured for _, measured, _ in after])
+        self.valid = np.concatenate([valid for _, _, valid in after])
         self._records = np.repeat(np.arange(len(records)), [t.size for t in self._times])
         sizes = [np.std(m[v]) or 1.0 for m, v in zip(self.measured.T, self.valid.T, strict=True)]
         self._weigh(np.array(sizes))
