@@ -95,3 +95,11 @@ def test_sequences_do_not_warn():
         assert f"{ARM.links}" == str(ARM.spec.links)
         assert ARM.joints == ARM.spec.joints
         assert ARM.joints != [1, 2]
+
+
+def test_sequences_of_links_are_joined_to_lists():
+    link = fa.Link(length=0.3, flexural_rigidity=1.0, mass_per_length=1.0)
+    arm = fa.Arm(links=[link, link])
+    longer = fa.Arm(links=arm.links + [link])  # noqa: RUF005
+    assert len(longer.links) == 3
+    assert [link] + arm.links == [link, link, link] == arm.links + (link,)  # noqa: RUF005

@@ -271,10 +271,14 @@ def least_forces(arm: Arm, q: FloatArray, force: FloatArray, free: IntArray) -> 
 
 
 def sized_gaps(arm: Arm, constants: ArmConstants, state: FloatArray) -> FloatArray:
-    """Return gaps and their rates (rows, 2), of equal size, with other numbers of the arm."""
+    """Return gaps and their rates (rows, 2) of equal size, with other numbers of the arm.
+
+    Rates are relative to the largest rate of the state, if there is one.
+    """
     kernels = KernelView(constants)
     kernels.call(closure_gaps, state, kernels.work)
-    return kernels.work.closure[:, [GAP, GAP_RATE]] / row_sizes(arm)[:, None]
+    speed = float(np.max(np.abs(state[1]))) or 1.0
+    return kernels.work.closure[:, [GAP, GAP_RATE]] / row_sizes(arm)[:, None] / [1.0, speed]
 
 
 def gap_rates_by_q(arm: Arm, q: FloatArray, qd: FloatArray) -> tuple[FloatArray, FloatArray]:

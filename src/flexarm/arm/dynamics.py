@@ -136,7 +136,7 @@ class Dynamics(Coordinates):
         """Return the generalised force (dof,) required for a motion: M qdd + bias.
 
         Its entries at ``joint_index`` are joint torques (N m). ``closure_forces`` (closure_rows,)
-        are those of the method of this name, zero by default: the force less
+        are those of the method of this name, zero by default. They are subtracted, as
         ``closure_jacobian(q).T @ closure_forces``. Other arguments as in ``forward_dynamics``;
         theory page "recursion", (R.15) to (R.17).
         """

@@ -83,8 +83,19 @@ def _of_number(function: Callable[[Any, Any], Any], reflected: bool = False) -> 
     return lambda items, other: function(int(items), other)
 
 
+def _after(items: Any, other: Any) -> Any:
+    """Return a list of both; the sum with a number or an array for the old use."""
+    return [*items, *other] if isinstance(other, list | tuple | _Items) else int(items) + other
+
+
+def _before(items: Any, other: Any) -> Any:
+    return [*other, *items] if isinstance(other, list | tuple | _Items) else other + int(items)
+
+
 for _name in ("add", "sub", "mul", "truediv", "floordiv", "mod", "pow", "lt", "le", "gt", "ge"):
     setattr(_Items, f"__{_name}__", _of_number(getattr(operator, _name)))
     if _name not in ("lt", "le", "gt", "ge"):
         setattr(_Items, f"__r{_name}__", _of_number(getattr(operator, _name), reflected=True))
+setattr(_Items, "__add__", _after)  # noqa: B010
+setattr(_Items, "__radd__", _before)  # noqa: B010
 Sequence.register(_Items)

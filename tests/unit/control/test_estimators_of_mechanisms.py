@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.control.filters.estimator import tip_mass
 
 STEP, SAMPLES = 2e-3, 400
 GAUGE = fa.Gauge(station=0.05, distance=0.004)
@@ -65,3 +66,10 @@ def test_exported_filters_refuse_a_base_that_moves(tmp_path) -> None:
     observer = fa.ExtendedKalmanFilter(arm, [fa.Instrument("joint_angle", noise=1e-4)])
     with pytest.raises(fa.InputError, match="observer is not supported for arms with a free base"):
         fa.export_c(arm, tmp_path / "c", observer=observer)
+
+
+def test_the_mass_at_the_tip_of_a_slide_is_a_mass() -> None:
+    for length in (0.1, 10.0):
+        rod = fa.Link(length=length, mass_per_length=2.0 / length, flexible=False)
+        arm = fa.Arm(links=[rod], joints=[fa.Joint(kind="prismatic")])
+        assert tip_mass(arm) == pytest.approx(2.0, rel=1e-12)

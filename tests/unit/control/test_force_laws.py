@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.control.design.arm_scales import slow_rate
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.simulation.loop.control_loop import sampled_reference
 
@@ -193,3 +194,15 @@ def test_wrong_gains_are_reported_together(kind):
             **{"normal_damping" if kind is not fa.Admittance else "damping": -1},
         )
     assert len(caught.value.problems) == 2
+
+
+def test_default_rates_with_a_delay_do_not_depend_on_the_mesh():
+    def rate(elements, delay):
+        link = {"length": 1.0, "mass_per_length": 0.5, "flexural_rigidity": 200.0}
+        links = [fa.Link(**link, elements=elements)] * 2
+        joints = [fa.Joint(hub_inertia=0.01)] * 2
+        arm = fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=1.0))
+        return slow_rate(arm, 1e-3, delay)
+
+    assert rate(16, 2e-3) == pytest.approx(rate(8, 2e-3), rel=0.05)
+    assert rate(8, 1e-12) == rate(8, 0.0)

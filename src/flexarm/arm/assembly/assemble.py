@@ -237,8 +237,8 @@ def _segments(link: Link, carried: tuple[float, ...]) -> tuple[LinkConstants, ..
     """Compute the read-only constants of the segments of a link, from its root outwards.
 
     The link is also divided at the stations ``carried`` that carry other links. A part with one
-    mode does not bend rightly under both the force and the moment of the next one: the tip of the
-    link would move up to a quarter too little, however many parts there are.
+    mode is too stiff under the force or the moment of the next one: the tip of the link would
+    move up to a quarter too little, however many parts there are.
     """
     beam, count = link.beam(), link.segments
     ends = {link.length * k / count for k in range(1, count + 1)}

@@ -60,7 +60,7 @@ class CasadiModel:
         joint_reactions: (q, qd, qdd, tip_force, closure_forces, parameters) -> reactions (links,
             3): force and moment on each link from the joint at its root, Fx, Fy (N), Mz (N m).
         closure_gaps: (q, parameters) -> gaps (closure_rows,), as `Arm.closure_gaps`.
-        closure_forces: (q, qd, torque, tip_force, parameters) -> forces (closure_rows,).
+        closure_forces: (q, qd, torque, tip_force, parameters) -> closure_forces (closure_rows,).
     """
 
     arm: Arm
@@ -183,7 +183,7 @@ _FUNCTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "strain": (("q",), ("strain",)),
     "joint_reactions": ((*_MOTION, *_FORCES), ("reactions",)),
     "closure_gaps": (("q",), ("gaps",)),
-    "closure_forces": ((*_STATE, "torque", "tip_force"), ("forces",)),
+    "closure_forces": ((*_STATE, "torque", "tip_force"), ("closure_forces",)),
 }
 
 

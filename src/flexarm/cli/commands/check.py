@@ -59,7 +59,8 @@ def check(
             rows = [*_about_study(*located), *_about_vibration(arm)]
         elif describes_arm_only(document):
             arm = described_arm(load_arm_spec(document))
-            rows = [*_about_vibration(arm), *_about_integrator(arm)]
+            rows = _about_vibration(arm)
+            rows += [] if arm.closure_rows else _about_integrator(arm)
         else:
             scenario, where = locate_scenario(document)
             prepared = prepare(scenario, where)

@@ -232,6 +232,10 @@ def init(
 
     if mechanism is not None and mechanism not in TEMPLATES:
         raise InputError(Problem("--mechanism", f"be one of {_KINDS}", shown(mechanism)))
+    if mechanism is not None and (links != 2 or gravity or stiff):
+        raise InputError(
+            Problem("--mechanism", "cannot be combined with --links, --gravity, --stiff")
+        )
     kind = _kind(links, gravity, stiff)
     arm, scenario = folder / "arm.yaml", folder / "scenario.yaml"
     hint = "Give another folder: flexarm init FOLDER."

@@ -147,7 +147,7 @@ _WORD = re.compile(r"/|per\b|[A-Za-z]+(?:\^-?\d+(?:\.\d+)?)?")
 #: Scale of a number that is zero, relative to its typical size on the arm.
 _OF_ZERO = 0.1
 #: Angle (rad) in the delay of a loop at `slow_rate`, for a joint that turns the rigid arm.
-_LATE = 0.14
+_LATE = 0.1
 #: Largest default cutoff, relative to the sampling frequency.
 _CUTOFF = 0.005
 
@@ -180,28 +180,33 @@ def slow_rate(arm: Arm, sample_time: float, delay: float = 0.0) -> float:
     """Return the lowest angular frequency (rad/s) of the straight arm with locked joints.
 
     At most 0.0064 rad in a ``sample_time`` (s), because a stiff arm may press on a stiff surface.
-    With a ``delay`` of the loop (s), at most 0.14 rad in it times the least inertia that a torque
-    turns at frequencies above those of the links, relative to that of the rigid arm.
+    With a ``delay`` of the loop (s), at most 0.1 rad in it times the least inertia that a torque
+    turns in this time, relative to that of the rigid arm.
     """
     rate = min(lowest_frequency(arm), RIGID / sample_time)
     if delay == 0.0:
         return rate
-    near, whole = joint_inertias(arm, np.zeros((1, arm.n_joints)))
-    return min(rate, _LATE / (delay + 0.5 * sample_time) * float(np.min(near / whole)))
+    near, whole = joint_inertias(arm, np.zeros((1, arm.n_joints)), delay)
+    return min(rate, _LATE / delay * float(np.min(near / whole)))
 
 
-def joint_inertias(arm: Arm, postures: FloatArray) -> tuple[FloatArray, FloatArray]:
+def joint_inertias(arm: Arm, postures: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
     """Return two inertias (joints,) kg m^2 about each joint at postures (k, joints) rad.
 
-    The least one that a torque turns at high frequencies, when the links do not follow; and the
-    largest one of the rigid arm.
+    The least one that a torque turns in a ``time`` (s): that of the modes with at most two periods
+    in it. All modes would turn less, the more elements there are. And the largest one of the rigid
+    arm.
     """
-    rigid, inverses, masses = arm.rigid(), [], []
+    from scipy.linalg import eigh
+
+    rigid, moved, masses = arm.rigid(), [], []
     for angles in postures:
-        inverses.append(np.diag(np.linalg.inv(arm.mass_matrix(arm.rest(angles)))))
-        masses.append(np.diag(rigid.mass_matrix(rigid.rest(angles))))
-    near = 1.0 / np.max(inverses, axis=0)[arm.joint_index]
-    return np.asarray(near), np.max(masses, axis=0)[rigid.joint_index]
+        q = arm.rest(angles)
+        squares, shapes = eigh(arm.stiffness_matrix(q), arm.mass_matrix(q))
+        slow = squares <= (4.0 * np.pi / time) ** 2
+        moved.append(np.sum(shapes[arm.joint_index][:, slow] ** 2, axis=1))
+        masses.append(np.diag(rigid.mass_matrix(rigid.rest(angles)))[rigid.joint_index])
+    return np.asarray(1.0 / np.max(moved, axis=0)), np.max(masses, axis=0)
 
 
 def arm_scales(arm: Arm, rate: float) -> ArmScales:

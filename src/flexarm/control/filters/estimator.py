@@ -98,7 +98,8 @@ def tip_mass(arm: Arm) -> float:
     exponential in the logarithm of the sum, even for a payload of zero.
     """
     inertia = _inertia(arm, -1)
-    whole = inertia / float(arm.lengths[-1]) ** 2
+    turns = arm.spec.joints[arm.assembly.seats[-1].link].kind == "revolute"
+    whole = inertia / (float(arm.lengths[-1]) if turns else 1.0) ** 2
     return max(whole - arm.spec.payload.mass, 1e-3 * whole)
 
 

@@ -98,10 +98,10 @@ class FilterParameters(Parameters):
     payload_drift: NonNegative = 0.0
     """Intensity of a random walk of the payload mass (kg/s^0.5)."""
     rate_deviation: NonNegative | None = None
-    """Standard deviation of the initial joint rates (rad/s), of joints that slide times the reach;
-    by default 1/80 of the arm's typical rate. This rate is the lowest angular frequency of the
-    straight arm with locked joints, but at most 0.08 rad in a sample time; 0.0064 rad in one for
-    rigid arms."""
+    """Standard deviation of the initial joint rates (rad/s); for sliding joints it is multiplied by
+    the reach; by default 1/80 of the arm's typical rate. This rate is the lowest angular frequency
+    of the straight arm with locked joints, but at most 0.08 rad in a sample time; 0.0064 rad in one
+    for rigid arms."""
     energy_deviation: NonNegative | None = None
     """Expected initial energy of vibration in each mode (J); by default that of the rigid arm that
     turns by 1/80 of the typical rate about its first joint."""

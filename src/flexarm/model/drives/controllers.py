@@ -147,7 +147,7 @@ class HybridForceParameters(ControllerParameters):
     """Hybrid control: position along a surface, force normal to it.
 
     Defaults are relative to the arm: to the rate w, its lowest angular frequency, straight with
-    locked joints, but at most 0.0064 rad in a sample time, and with a delay less than 0.14 rad in
+    locked joints, but at most 0.0064 rad in a sample time, and with a delay less than 0.1 rad in
     it; to its reach L; and to the force F at the reach that accelerates the straight rigid arm
     about its first joint by w^2 / 4.
     """

@@ -53,8 +53,8 @@ _DELAYS, _DAMPED = 2.0, 0.02
 #: damping ratios. Loops above half of that frequency bend the links more than they move them.
 _BANDWIDTHS, _DAMPINGS = (0.15, 0.25, 0.4, 0.6, 1.0, 1.5, 2.5), (0.7, 1.2)
 #: Largest derivative gain of a joint loop times its lag, relative to the inertia that a torque
-#: turns at frequencies above those of the links.
-_NIMBLE = 0.7
+#: turns in it.
+_NEAR = 0.7
 #: Frequencies and damping ratios of the joint loops inside strain feedback, which are stiff.
 _INNER, _INNER_DAMPING, _STRAIN_DAMPING = (1.0, 2.0, 3.0), 1.0, (0.3, 0.6)
 #: Cutoffs of the bending in redefined outputs, and frequencies of the joint loops inside, likewise.
@@ -185,11 +185,9 @@ def _frequency(needs: Requirements) -> float:
 
 def _joint_loop(needs: Requirements, factor: float, damping: float) -> Drive:
     """Return joint PD; under gravity joint PID, which knows the limits of the motors."""
-    nimble, inertia = joint_inertias(needs.arm, needs.postures)
     lag = needs.rate_delay + 0.5 * needs.sample_time
-    omega = np.minimum(
-        factor * _frequency(needs), _NIMBLE * nimble / (2.0 * damping * lag * inertia)
-    )
+    near, inertia = joint_inertias(needs.arm, needs.postures, lag)
+    omega = np.minimum(factor * _frequency(needs), _NEAR * near / (2.0 * damping * lag * inertia))
     drive: Drive = {
         "kind": _JOINT_LOOPS[needs.heavy].replace(" ", "_").lower(),
         "proportional": rounded(inertia * omega**2),
@@ -259,7 +257,7 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
     common: Drive = {
         "acceptable": {"tip": tip, "joint_rate": rate},
         "acceptable_torque": rounded(
-            _BRISK * omega**2 * joint_inertias(needs.arm, needs.postures)[1]
+            _BRISK * omega**2 * joint_inertias(needs.arm, needs.postures, needs.sample_time)[1]
         ),
     }
     if needs.arm.n_joints > 2:  # the tip does not determine the joints
