@@ -49,6 +49,7 @@ from flexarm.identification.record import (
 from flexarm.identification.result import Identification, related
 from flexarm.identification.runs import RecordRun, warn_of_work
 from flexarm.identification.space import Space, check_free
+from flexarm.identification.statistics import warn_of_poor_fits
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model import Contact, Motors
@@ -254,19 +255,16 @@ def _warn_of_far_estimates(parameters: xr.Dataset) -> None:
 
 
 def _warn_of_poor_fits(fit: xr.Dataset, records: Mapping[str, MeasuredRecord]) -> None:
-    poor = [
-        f"{channel} of {record} ({percent:.2g} %)"
+    fits = {
+        f"{channel} of {record}": percent
         for record, row in zip(fit["record"].values, fit["fit"].values, strict=True)
         for channel, percent in zip(fit["channel"].values, row, strict=True)
-        if percent < _POOR
-    ]
-    if poor:
-        text = f"the fitted arm hardly reproduces {', '.join(poor)}; 100 % is perfect. "
-        hint = "Check units, signs, times and the numbers that are not free."
-        still = [name for name, record in records.items() if not record.driven]
-        if still:
-            hint = f"No torque, current or voltage drives {', '.join(still)}. {hint}"
-        warn_caller(text + hint, AccuracyWarning)
+    }
+    hint = "Check units, signs, times and the numbers that are not free."
+    still = [name for name, record in records.items() if not record.driven]
+    if still:
+        hint = f"No torque, current or voltage drives {', '.join(still)}. {hint}"
+    warn_of_poor_fits(fits, _POOR, "the fitted arm hardly reproduces", hint)
 
 
 def _problem(
