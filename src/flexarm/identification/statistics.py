@@ -39,7 +39,7 @@ def fit_percent(measured: FloatArray, simulated: FloatArray) -> float:
     return 100.0 * (1.0 - error / signal) if signal > 0.0 else (100.0 if error == 0.0 else -np.inf)
 
 
-def warn_of_poor_fits(fits: Mapping[str, float], least: float, words: str, hint: str) -> None:
+def warn_of_fits(fits: Mapping[str, float], least: float, words: str, hint: str) -> None:
     """Warn of fits (percent) by name that are smaller than ``least``."""
     poor = [f"{name} ({percent:.2g} %)" for name, percent in fits.items() if percent < least]
     if poor:

@@ -14,12 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from flexarm.base.errors import (
-    InputError,
-    Problem,
-    public_call,
-    shown,
-)
+from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.identification.frequency.fit import (
     ComplexArray,
     MeasuredModes,
@@ -29,12 +24,7 @@ from flexarm.identification.frequency.fit import (
 )
 from flexarm.identification.frequency.response import POOR, alike_records, check_band
 from flexarm.identification.record import Label, MeasuredRecord, Records, treated
-from flexarm.identification.statistics import (
-    Column,
-    covariance_of,
-    fit_percent,
-    warn_of_poor_fits,
-)
+from flexarm.identification.statistics import Column, covariance_of, fit_percent, warn_of_fits
 from flexarm.integrate.base import FloatArray
 from flexarm.model.quantities import Count
 from flexarm.simulation.histories.piecewise import sampled_torque
@@ -92,7 +82,7 @@ def measured_modes(
     columns = zip(measured.T, predicted.T, valid.T, strict=True)
     fit = np.array([fit_percent(m[v], p[v]) for m, p, v in columns])
     names = tuple(label.text for label in outputs)
-    warn_of_poor_fits(dict(zip(names, fit.tolist(), strict=True)), *POOR)
+    warn_of_fits(dict(zip(names, fit.tolist(), strict=True)), *POOR)
     return MeasuredModes(
         **arrays,
         residues=residues,

@@ -32,7 +32,7 @@ from flexarm.identification.record import (
     check_some_records,
     coefficients,
 )
-from flexarm.identification.statistics import warn_of_poor_fits
+from flexarm.identification.statistics import warn_of_fits
 from flexarm.integrate.base import FloatArray
 from flexarm.model.quantities import Count, NonNegative
 
@@ -111,7 +111,7 @@ class FrequencyResponse:
             self.frequency_hz[inside], self.response[inside], self.deviation[inside], rates, count
         )
         names = [f"{output} to {given}" for output in self.outputs for given in self.inputs]
-        warn_of_poor_fits(dict(zip(names, fit["fit"].ravel().tolist(), strict=True)), *POOR)
+        warn_of_fits(dict(zip(names, fit["fit"].ravel().tolist(), strict=True)), *POOR)
         return MeasuredModes(**fit, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
 
 
