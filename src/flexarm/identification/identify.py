@@ -164,12 +164,12 @@ def identify(
             the model lacks; if a channel has a fit below 5 %; or if an estimate differs from its
             start by a factor of 1000.
     """
+    random = np.random.default_rng(arguments.check_count("seed", seed, 0, 2**63 - 1))
     run, watch = settings_of(settings, keywords, identify), _watch(progress)
     problem, others, parameters = _prepared(
         arm, records, free, validation, motors, loss, method, torque_noise, contacts, run, watch
     )
     space, runs = problem.space, problem.runs
-    random = np.random.default_rng(arguments.check_count("seed", seed, 0, 2**63 - 1))
     tried = _fits(problem, 1 if starts is None else starts, random, loss, iterations)
     best, assessment = _best(problem, tried)
     doubtful = assessment.undetermined or related(assessment.parameters)
@@ -433,17 +433,10 @@ class PreparedIdentification:
 
     def run(self, progress: bool | None = None) -> Identification:
         """Estimate the parameters, with the errors of ``identify``."""
-        study, fit = self.study, self.study.fit
+        keywords: dict[str, Any] = {"motors": self.study.motors, **dict(self.study.fit)}
+        keywords |= {"validation": self.validation, "progress": progress}
         with self._errors():
-            return identify(
-                self.arm,
-                self.records,
-                list(study.free),
-                validation=self.validation,
-                motors=study.motors,
-                progress=progress,
-                **dict(fit),
-            )
+            return identify(self.arm, self.records, list(self.study.free), **keywords)
 
     @contextmanager
     def _errors(self) -> Iterator[None]:
