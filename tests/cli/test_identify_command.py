@@ -133,3 +133,20 @@ def test_check_reads_records_and_compares_them_with_the_arm(tmp_path):
     assert done.exit_code == 2
     assert f"records.{record}.initial_angle must have one angle for each of the" in done.output
     assert "study.yaml:" in done.output
+
+
+@pytest.mark.parametrize(
+    ("fit", "text"),
+    [
+        ("{method: prediction_error, loss: huber}", "huber cannot be combined with prediction"),
+        ("{torque_noise: 0.1}", "torque_noise requires method='prediction_error'"),
+        ("{integrator: nonsense}", "nonsense"),
+    ],
+)
+def test_check_refuses_settings_that_the_fit_refuses(fit, text, tmp_path):
+    path = write(tmp_path)
+    path.write_text(path.read_text() + f"fit: {fit}\n")
+    for command in ("check", "identify"):
+        done = invoke(command, path)
+        assert done.exit_code == 2, done.output
+        assert text in done.output

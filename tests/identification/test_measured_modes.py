@@ -94,6 +94,9 @@ def test_missing_samples_and_several_records():
     assert np.all(errors < 4.0)
     assert found.fitted.shape == (2400, 2)
     assert found.fit.min() > 96.0  # the noise is 2.8 % of an output
+    # The fit goes on in the gap; its errors are smaller than the noise.
+    gap = simulated(2).data["joint_angle"].values[300:420, 0]
+    np.testing.assert_allclose(found.fitted[300:420, 0], gap, atol=0.02)
 
 
 @pytest.mark.thorough

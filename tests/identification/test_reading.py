@@ -368,7 +368,12 @@ def test_degrees_and_microstrain_without_a_unit_are_noticed(tmp_path):
     pd.DataFrame(columns).to_csv(path, index=False)
     with pytest.raises(fa.InputError) as error:
         fa.read_record(path)
-    for text in ("joint_angle_1 has no unit", "such as 'deg', or 'rad'", "such as 'um/m', or '1'"):
+    for text in (
+        "joint_angle_1 has no unit",
+        "too large for 'rad'",
+        "such as 'deg', or 'rad'",
+        "such as 'um/m', or '1'",
+    ):
         assert text in str(error.value)
     given = {"joint_angle_1": {"column": "joint_angle_1", "unit": "rad"}}
     assert fa.read_record(path, given).data["joint_angle"].max() > 30.0
@@ -395,6 +400,16 @@ def test_wrong_stamps_outside_the_part_do_not_matter(tmp_path):
     pd.DataFrame({"t": times, "tip_x": TIMES, "tip_y": TIMES}).to_csv(path, index=False)
     with pytest.raises(fa.InputError, match="time"):
         fa.read_record(path)
+    record = fa.read_record(path, start=0.1, end=0.3)
+    np.testing.assert_allclose(record.data["tip"][:, 0], TIMES[10:31], atol=1e-12)
+
+
+@pytest.mark.parametrize("wrong", [1e9, -1e9])
+def test_a_wrong_stamp_does_not_move_the_ends_of_the_part(wrong, tmp_path):
+    path = tmp_path / "bench.csv"
+    times = TIMES.copy()
+    times[-1] = wrong
+    pd.DataFrame({"t": times, "tip_x": TIMES, "tip_y": TIMES}).to_csv(path, index=False)
     record = fa.read_record(path, start=0.1, end=0.3)
     np.testing.assert_allclose(record.data["tip"][:, 0], TIMES[10:31], atol=1e-12)
 

@@ -1,6 +1,7 @@
 """Uncertainty of estimates: other arms that fit, effects that the model lacks, intervals."""
 
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -135,3 +136,66 @@ def test_intervals_cover_in_spite_of_friction_and_coloured_errors():
         covered.append((table["interval_start"] < values) & (values < table["interval_end"]))
     # 90 % of 60 intervals, of which those of a record are not independent.
     assert np.mean(covered) > 0.9
+
+
+def test_priors_limit_the_change_by_effects(monkeypatch):
+    """Two parameters with nearly equal effects: the prior of the second one is all there is."""
+    from flexarm.identification import missing
+    from flexarm.identification.statistics import Column
+
+    random = np.random.default_rng(1)
+    effect, first, other = random.standard_normal((3, 800))
+    slopes = np.stack([first, first + 1e-4 * other], axis=1)
+    change = effect + 0.1 * first + 0.1 * other
+    columns = [Column(change + 0.1 * random.standard_normal(800), slopes, np.ones(800, bool))]
+    candidate = missing._Candidate("an offset", "", [change], False)
+    monkeypatch.setattr(missing, "_candidates", lambda *_: [candidate])
+    problem = SimpleNamespace(runs=[], space=SimpleNamespace(scale=np.ones(2)))
+    (found,) = missing.missing_effects(problem, None, columns, np.array([0.0, 0.1**-2]))
+    # Without the prior the second one changes by 0.1 / 1e-4.
+    assert np.all(np.abs(found.shift) < 0.3), found.shift
+
+
+def test_a_change_by_effects_does_not_make_a_parameter_undetermined(monkeypatch):
+    from flexarm.identification import assessment
+    from flexarm.identification.missing import Effect
+
+    def large(problem, fit, *_):
+        return [Effect("The residuals show an effect.", 0.64 * fit.vector)]
+
+    monkeypatch.setattr(assessment, "missing_effects", large)
+    found = quiet(arm_of(ONE), rough_record(ONE, 1, end=1.0), [RIGIDITY])
+    deviation = float(found.parameters["standard_deviation"][0])
+    assert deviation > 0.6 * found[RIGIDITY]
+    assert found.undetermined == ()
+    assert len(found.starts) == 1
+
+
+def test_gaps_do_not_reduce_the_noise_of_the_score_test():
+    """An effect of 3 deviations; with the zeros in gaps as noise they would be 6."""
+    from flexarm.identification.missing import _Candidate, _test
+    from flexarm.identification.statistics import Column
+
+    valid = np.arange(400) % 4 == 0
+    noise = np.random.default_rng(3).standard_normal((8, 50)) * valid.reshape(8, 50)
+    # Each of the eight blocks shows the effect alone.
+    noise -= (noise.sum(axis=1) / valid.reshape(8, 50).sum(axis=1))[:, None] * valid.reshape(8, 50)
+    change = valid.astype(float)
+    residuals = noise.ravel() + 0.3 * change  # the mean of 100 samples has a deviation of 0.1
+    column = Column(residuals, np.zeros((400, 1)), valid)
+    candidate = _Candidate("an offset", "", [change], False)
+    share, _ = _test(candidate, [column], np.zeros((400, 0)), residuals, 1.0)
+    assert share == 0.0
+
+
+def test_channels_without_residuals_do_not_exclude_other_arms():
+    from flexarm.identification.assessment import alternatives_of
+
+    slot = SimpleNamespace(initial=False, path="payload.mass", name="payload.mass")
+    problem = SimpleNamespace(space=SimpleNamespace(slots=[slot]), rms_of=lambda outputs: outputs)
+    best, equal, worse = (
+        SimpleNamespace(vector=np.array([mass]), outputs={"tip_x": still, "tip_y": 1.0})
+        for mass, still in ((1.0, 0.0), (2.0, 0.0), (3.0, 0.1))
+    )
+    (sentence,) = alternatives_of(problem, best, [best, equal, worse])
+    assert "mass of the payload 2 instead of 1" in sentence

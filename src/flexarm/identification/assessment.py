@@ -74,12 +74,12 @@ def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
     columns, priors, physical = _information_of(problem, fit)
     # Residuals of a search that goes on, or below the accuracy of the runs, show nothing.
     rough = fit.converged and min(fits_by_channel(problem.runs, fit.outputs).values()) < _PERFECT
-    missing = missing_effects(problem, fit, columns) if effects and rough else []
-    shifts = [effect.shift for effect in missing]
-    covariance = covariance_of(columns, priors, shifts)
+    missing = missing_effects(problem, fit, columns, priors) if effects and rough else []
+    covariance = covariance_of(columns, priors, [effect.shift for effect in missing])
     # An estimate of zero has no size.
     size = np.where(size > _AT_BOUND * problem.space.scale, size, problem.space.scale)
-    without = covariance_of(columns, np.where(physical, 0.0, priors), shifts)
+    # A change by effects is an error of the model, which says nothing about the data.
+    without = covariance_of(columns, np.where(physical, 0.0, priors))
     own = np.ix_(physical, physical)
     lost = undetermined(without[own], size[physical])
     named = [([slots[k] for k in np.flatnonzero(physical)[places]], d) for places, d in lost]
@@ -165,7 +165,8 @@ def alternatives_of(problem: FitProblem, best: Fit, fits: Sequence[Fit | None]) 
         if fit is None or fit is best:
             continue
         own = problem.rms_of(fit.outputs)
-        worse = max(own[text] / value - 1.0 for text, value in rms.items())
+        ratios = [own[t] / v if v else np.inf for t, v in rms.items() if v or own[t]]
+        worse = max(ratios, default=1.0) - 1.0
         changes = np.abs(fit.vector - best.vector) / np.maximum(np.abs(best.vector), 1e-300)
         order = [k for k in np.argsort(-changes) if not problem.space.slots[k].initial]
         named = [k for k in order if changes[k] > _OTHER][:_MOST]

@@ -48,10 +48,13 @@ class _Candidate(NamedTuple):
     positive: bool  # whether a negative size has no meaning
 
 
-def missing_effects(problem: FitProblem, fit: Fit, columns: Sequence[Column]) -> list[Effect]:
+def missing_effects(
+    problem: FitProblem, fit: Fit, columns: Sequence[Column], priors: FloatArray
+) -> list[Effect]:
     """Return the effects that residuals show and the model lacks, the largest first.
 
-    ``columns`` are those of the fit. Prediction errors are not tested: a filter follows effects.
+    ``columns`` are those of the fit, ``priors`` (parameters,) inverse variances. Prediction errors
+    are not tested: a filter follows effects.
     """
     if any(isinstance(run, PredictedRun) for run in problem.runs):
         return []
@@ -75,7 +78,9 @@ def missing_effects(problem: FitProblem, fit: Fit, columns: Sequence[Column]) ->
     changes = np.stack([np.concatenate(each.columns) for each, _ in chosen], axis=1)
     apart = changes - basis[:, : len(scale)] @ (basis[:, : len(scale)].T @ changes)
     sizes = np.linalg.lstsq(apart, residuals, rcond=None)[0]
-    inverse = np.linalg.pinv(triangle)
+    # The priors resist the change of the estimates as further rows of the derivatives.
+    rows = np.vstack([triangle, np.diag(np.sqrt(priors) * scale)])
+    inverse = np.linalg.pinv(rows)[:, : len(scale)]
     shifts = scale[:, None] * (inverse @ (basis[:, : len(scale)].T @ (changes * sizes)))
     return [
         Effect(_sentence(candidate, size, share), shift)
@@ -117,7 +122,7 @@ def _test(
     if explained**2 < _CONSISTENT**2 * _BLOCKS / (_BLOCKS - 1) * float(blocks @ blocks):
         return 0.0, direction
     every = zip(np.split(residuals, ends), np.split(direction, ends), columns, strict=True)
-    noise = [Column(r, np.std(r) * d[:, None], column.valid) for r, d, column in every]
+    noise = [Column(r, np.std(r[c.valid]) * d[:, None], c.valid) for r, d, c in every]
     if explained**2 < _DEVIATIONS**2 * coloured_information(noise)[0, 0]:
         return 0.0, direction
     return explained**2 / total, direction

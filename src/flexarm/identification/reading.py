@@ -174,7 +174,7 @@ def _check_size(place: str, label: record.Label, values: FloatArray) -> None:
     largest = float(np.nanmax(np.abs(values), initial=0.0))
     if kind and largest > _LARGEST[kind]:
         si, other = _UNITS_OF[kind]
-        rule = f"has no unit, and its values reach {largest:.4g}, too many for {si!r}"
+        rule = f"has no unit, and its values reach {largest:.4g}, too large for {si!r}"
         raise InputError(Problem(place, rule, hint=f"Give a unit, such as {other!r}, or {si!r}."))
 
 
@@ -266,8 +266,8 @@ def _uniform(
             raise InputError(Problem(f"channels.{label.text}", rule, str(column.size)))
     first = -np.inf if description.start is None else description.start
     last = np.inf if description.end is None else description.end
-    finite = times[np.isfinite(times)]
-    margin = 1e-9 * float(np.ptp(finite)) if finite.size else 0.0  # of rounded times
+    steps = np.abs(np.diff(times[np.isfinite(times)]))
+    margin = 1e-3 * float(np.median(steps)) if steps.size else 0.0  # of rounded times
     # Stamps before the start and after the end may be wrong.
     after = times >= first - margin
     begin = int(np.argmax(after)) if description.start is not None and after.any() else 0

@@ -8,13 +8,14 @@ Statistics 15 (2003) 661; for blocks Kunsch, Annals of Statistics 17 (1989) 1217
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexarm.base.errors import AccuracyWarning, warn_caller
 from flexarm.integrate.base import FloatArray
 
 #: Lags of the tests of residuals.
@@ -36,6 +37,13 @@ def fit_percent(measured: FloatArray, simulated: FloatArray) -> float:
     signal = float(np.linalg.norm(measured - measured.mean()))
     error = float(np.linalg.norm(measured - simulated))
     return 100.0 * (1.0 - error / signal) if signal > 0.0 else (100.0 if error == 0.0 else -np.inf)
+
+
+def warn_of_fits(fits: Mapping[str, float], least: float, words: str, hint: str) -> None:
+    """Warn of fits (percent) by name that are smaller than ``least``."""
+    poor = [f"{name} ({percent:.2g} %)" for name, percent in fits.items() if percent < least]
+    if poor:
+        warn_caller(f"{words} {', '.join(poor)}; 100 % is perfect. {hint}", AccuracyWarning)
 
 
 class Column(NamedTuple):

@@ -216,8 +216,8 @@ class FitSettings(Record):
     """Settings of the least-squares fit and of its runs."""
 
     starts: Count | None = None
-    """Number of starts; all but the first are drawn at random. By default 1, and two more
-    on both sides of the result if estimates correlate by more than 0.8."""
+    """Number of starts; all but the first are drawn at random. By default 1, and two more on both
+    sides of the result if a parameter is undetermined or estimates correlate by more than 0.8."""
     seed: Seed = 0
     """Seed of the random starts."""
     loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"

@@ -314,10 +314,10 @@ class MeasuredModes:
         frequency_hz: (k,) natural frequencies, the moduli of the poles over 2 pi.
         damping_ratio: (k,)
         frequency_deviation, damping_deviation: (k,) standard deviations, from the deviation of the
-            response, and from the errors of the fit if these are larger.
+            response and, if larger, the errors of the fit; as in `identify` for records.
         residues: (k, outputs, inputs) complex numbers A of the terms A / (s - p) of the response.
         fitted: (F, outputs, inputs) response of the fit at the frequencies in the band; for
-            records, the outputs (samples, outputs) of all of them, one after another.
+            records, the outputs (samples, outputs) of all of them, one after another, also in gaps.
         fit: (outputs, inputs) percent, 100 is perfect; (outputs,) for records.
         orders: order diagram over ``order``, the number of modes that were fitted, and ``mode``:
             ``frequency_hz``, ``damping_ratio``, and ``stable``, whether they differ by less than

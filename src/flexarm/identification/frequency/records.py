@@ -14,14 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from flexarm.base.errors import (
-    AccuracyWarning,
-    InputError,
-    Problem,
-    public_call,
-    shown,
-    warn_caller,
-)
+from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.identification.frequency.fit import (
     ComplexArray,
     MeasuredModes,
@@ -31,7 +24,7 @@ from flexarm.identification.frequency.fit import (
 )
 from flexarm.identification.frequency.response import POOR, alike_records, check_band
 from flexarm.identification.record import Label, MeasuredRecord, Records, treated
-from flexarm.identification.statistics import Column, covariance_of, fit_percent
+from flexarm.identification.statistics import Column, covariance_of, fit_percent, warn_of_fits
 from flexarm.integrate.base import FloatArray
 from flexarm.model.quantities import Count
 from flexarm.simulation.histories.piecewise import sampled_torque
@@ -89,14 +82,7 @@ def measured_modes(
     columns = zip(measured.T, predicted.T, valid.T, strict=True)
     fit = np.array([fit_percent(m[v], p[v]) for m, p, v in columns])
     names = tuple(label.text for label in outputs)
-    poor = [
-        f"{name} ({percent:.2g} %)"
-        for name, percent in zip(names, fit, strict=True)
-        if percent < POOR
-    ]
-    if poor:
-        text = f"the fitted modes hardly reproduce {', '.join(poor)}; 100 % is perfect. "
-        warn_caller(text + "Check the number of modes and the noise.", AccuracyWarning)
+    warn_of_fits(dict(zip(names, fit.tolist(), strict=True)), *POOR)
     return MeasuredModes(
         **arrays,
         residues=residues,
@@ -221,11 +207,11 @@ class _OverTime(ModeProblem):
         """Return residues (k, outputs, inputs), and the outputs (samples, outputs) of the fit."""
         count, m = numbers.size // 2, self._driven[0][0].shape[1]
         others, own = 3 * m + 2 * len(self._times), 2 * (m + len(self._times))
-        residues, predicted = [], []
-        for q, matrix in enumerate(self.matrices(numbers)):
-            linear = self.linear(matrix, q)
+        factors = [self.linear(matrix, q) for q, matrix in enumerate(self.matrices(numbers))]
+        weight, self._weight = self._weight, np.ones_like(self._weight)  # in gaps, too
+        predicted = [m @ f for m, f in zip(self.matrices(numbers), factors, strict=True)]
+        residues, self._weight = [], weight
+        for linear in factors:
             driven = linear[others:].reshape(count, own)[:, : 2 * m]
             residues.append(0.5 * (driven[:, :m] - 1j * driven[:, m:]))
-            weight = np.where(self.valid[:, q], self._weight[:, q], 1.0)
-            predicted.append(matrix @ linear / weight)
         return np.stack(residues, axis=1), np.stack(predicted, axis=1)

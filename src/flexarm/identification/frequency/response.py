@@ -32,6 +32,7 @@ from flexarm.identification.record import (
     check_some_records,
     coefficients,
 )
+from flexarm.identification.statistics import warn_of_fits
 from flexarm.integrate.base import FloatArray
 from flexarm.model.quantities import Count, NonNegative
 
@@ -40,8 +41,8 @@ from flexarm.model.quantities import Count, NonNegative
 _EXCITED, _DISTINCT = 1e-6, 1e-6
 #: Fewest frequencies of a fit, besides two for each mode.
 _SPARE = 6
-#: Fit (%) of modes below which some are missing or noise hides them.
-POOR = 50.0
+#: Fit (%) of modes below which some are missing or noise hides them, and the words of the warning.
+POOR = 50.0, "the fitted modes hardly reproduce", "Check the number of modes and the noise."
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,15 +110,8 @@ class FrequencyResponse:
         fit = fitted(
             self.frequency_hz[inside], self.response[inside], self.deviation[inside], rates, count
         )
-        poor = [
-            f"{output} to {given} ({percent:.2g} %)"
-            for output, row in zip(self.outputs, fit["fit"], strict=True)
-            for given, percent in zip(self.inputs, row, strict=True)
-            if percent < POOR
-        ]
-        if poor:
-            text = f"the fitted modes hardly reproduce {', '.join(poor)}; 100 % is perfect. "
-            warn_caller(text + "Check the number of modes and the noise.", AccuracyWarning)
+        names = [f"{output} to {given}" for output in self.outputs for given in self.inputs]
+        warn_of_fits(dict(zip(names, fit["fit"].ravel().tolist(), strict=True)), *POOR)
         return MeasuredModes(**fit, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)
 
 
