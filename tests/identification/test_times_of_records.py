@@ -33,7 +33,7 @@ def test_a_record_in_milliseconds_warns_before_the_fit():
     assert warned(1.0) == []
     (text,) = warned(1000.0)
     assert "lasts 3000 s with a sample every 1 s" in text
-    assert text.endswith("are these in milliseconds?")
+    assert text.endswith("these may be milliseconds")
 
 
 def test_a_file_in_milliseconds_without_a_unit_stops_before_the_fit(tmp_path):

@@ -38,6 +38,8 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic, sampled_torqu
 
 #: Phase (rad) of the slowest vibration from sample to sample above which a record misses it.
 _UNRESOLVED = np.pi
+#: The same above which times without a unit are not those of a bench record.
+_ASTRAY = 10.0 * np.pi
 #: Evaluations of the dynamics times coordinates of a fit, about ten seconds; and runs of a fit for
 #: each free number.
 _LONG, _RUNS = 3e7, 10.0
@@ -308,14 +310,15 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
         except InputError:  # a hopeless run
             work = np.inf
         work *= _RUNS * (1 + len(space.slots))
-        if work * arm.dof > _LONG:
+        assumed = "assumed" in run.record.data["time"].attrs
+        if work * arm.dof > _LONG or (assumed and phase > _ASTRAY):
             text = (
                 f"{run.name}: lasts {run.record.duration:.6g} s with a sample every "
                 f"{1.0 / run.record.rate:.3g} s, in which the slowest vibration of the arm turns "
                 f"by {phase:.2g} rad, and a fit would take about {work:.0e} evaluations of the "
-                "dynamics. Times are in seconds: are these in milliseconds?"
+                "dynamics. Times are in seconds; these may be milliseconds"
             )
-            if "assumed" in run.record.data["time"].attrs:
+            if assumed:
                 hint = 'Give time_unit="ms", or "s" if they are right.'
                 raise InputError(Problem("time", text, hint=hint))
             warn_caller(text, FlexarmWarning)
