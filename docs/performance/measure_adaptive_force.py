@@ -9,7 +9,7 @@ import warnings
 import numpy as np
 
 import flexarm as fa
-from flexarm.motion.motion import TimingLaw
+from flexarm.motion.timing import TimingLaw
 from flexarm.view.plot.style import FLEXIBLE, RIGID, Sheet, legend_above, styled
 
 warnings.simplefilter("ignore", fa.FlexarmWarning)  # soft links bend far on some surfaces

@@ -17,7 +17,7 @@ import flexarm as fa
 from arms import chain
 from conformance.controller_examples import EXAMPLES, complete
 from flexarm.control.laws import CONTROLLERS as REGISTRY
-from flexarm.motion.motion import quintic
+from flexarm.motion.timing import quintic
 from fuzz.arm_calls import ARM, STATE, Q, arm, start, wound
 from fuzz.filter_calls import FILTER_METHODS, FILTERS
 from fuzz.identification_calls import IDENTIFICATION, RESULT

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexarm.motion.motion import TIMING_LAWS, TimingLaw, quintic, timing_law, trapezoidal
+from flexarm.motion.timing import TIMING_LAWS, TimingLaw, quintic, timing_law, trapezoidal
 
 LAWS = [*TIMING_LAWS.values(), trapezoidal(0.5), trapezoidal(0.01)]
 

@@ -45,14 +45,8 @@ from flexarm.motion.geometry.inverse_kinematics import (
     tip_position,
 )
 from flexarm.motion.geometry.mechanism_path import Given, mechanism_path
-from flexarm.motion.motion import (
-    Floats,
-    JointState,
-    PathMotion,
-    TimingLaw,
-    checked_times,
-    timing_law,
-)
+from flexarm.motion.motion import Floats, JointState, PathMotion, checked_times
+from flexarm.motion.timing import TimingLaw, timing_law
 from flexarm.motion.tip.tip_paths import TipPath, arc_path, line_path, polygon_path, spline_path
 
 if TYPE_CHECKING:
