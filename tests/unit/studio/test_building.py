@@ -72,8 +72,13 @@ def test_branches_remain_on_their_links():
     )
     project = open_bytes(text.encode(), "tree.yaml")
     assert [x.parent for x in project.edited((*LINKS, 0, COPY), None).record.arm.links][-1] == 3
-    with pytest.raises(fa.ModelError, match=r"links\[1\]\.parent"):
+    with pytest.raises(InputError, match="link 2 carries link 3: remove that first"):
         project.edited((*LINKS, 1, REMOVE), None)
+    # Another link would take the number of the removed one, and carry the branch.
+    longer = project.edited((*LINKS, 1, COPY), None)
+    assert [x.parent for x in longer.record.arm.links][-1] == 2
+    with pytest.raises(InputError, match="link 2 carries link 4: remove that first"):
+        longer.edited((*LINKS, 1, REMOVE), None)
 
 
 def test_a_study_is_not_changed_unless_all_its_parts_fit():

@@ -360,16 +360,18 @@ def _order(path: Path, arm: ArmSpec) -> list[int]:
 def _rebuilt(record: Scenario | StudySpec, order: list[int]) -> Scenario | StudySpec:
     """Return a record whose arm has the links of another one in an order, with their joints.
 
-    A branch remains on its link. What does not fit other joints is made anew: the drive, and then
-    the motion and the initial state, too.
+    A branch remains on its link, which cannot be removed before it. What does not fit other joints
+    is made anew: the drive, and then the motion and the initial state, too.
     """
     old = record.arm
     links = [old.links[k] for k in order]
+    numbers = [k + 1 for k in order]
     for i, link in enumerate(links):
+        if link.parent and link.parent not in numbers:
+            rule = f"carries link {order[i] + 1}: remove that first, or give it another parent"
+            raise InputError(Problem(f"link {link.parent}", rule))
         if link.parent:
-            numbers = [k + 1 for k in order]
-            place = numbers.index(link.parent) + 1 if link.parent in numbers else link.parent
-            links[i] = link.replace(parent=place)
+            links[i] = link.replace(parent=numbers.index(link.parent) + 1)
     arm = old.replace(links=links, joints=[old.joints[k] for k in order])
     if isinstance(record, StudySpec):
         return record.replace(arm=arm)
