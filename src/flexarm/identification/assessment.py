@@ -80,8 +80,8 @@ def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
     size = np.where(size > _AT_BOUND * problem.space.scale, size, problem.space.scale)
     # A change by effects is an error of the model, which says nothing about the data.
     without = covariance_of(columns, np.where(physical, 0.0, priors))
-    own = np.ix_(physical, physical)
-    lost = undetermined(without[own], size[physical])
+    block = np.ix_(physical, physical)
+    lost = undetermined(without[block], size[physical])
     named = [([slots[k] for k in np.flatnonzero(physical)[places]], d) for places, d in lost]
     alone = [(places[0], deviation) for places, deviation in named if len(places) == 1]
     sentences = [_sentence_of_each(alone)] if alone else []
@@ -121,10 +121,10 @@ def _information_of(
 
 def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.ndarray) -> xr.Dataset:
     slots = [problem.space.slots[k] for k in places]
-    own = covariance[np.ix_(places, places)]
-    deviation = np.sqrt(np.maximum(np.diag(own), 0.0))
+    block = covariance[np.ix_(places, places)]
+    deviation = np.sqrt(np.maximum(np.diag(block), 0.0))
     safe = np.where((deviation > 0.0) & np.isfinite(deviation), deviation, 1.0)
-    related = np.where(np.isfinite(own), own / np.outer(safe, safe), 1.0)
+    related = np.where(np.isfinite(block), block / np.outer(safe, safe), 1.0)
     values = fit.vector[places]
     lower, upper = (bound[places] for bound in problem.space.bounds)
     near = _AT_BOUND * problem.space.scale[places]
@@ -164,8 +164,8 @@ def alternatives_of(problem: FitProblem, best: Fit, fits: Sequence[Fit | None]) 
     for fit in fits:
         if fit is None or fit is best:
             continue
-        own = problem.rms_of(fit.outputs)
-        ratios = [own[t] / v if v else np.inf for t, v in rms.items() if v or own[t]]
+        present = problem.rms_of(fit.outputs)
+        ratios = [present[t] / v if v else np.inf for t, v in rms.items() if v or present[t]]
         worse = max(ratios, default=1.0) - 1.0
         changes = np.abs(fit.vector - best.vector) / np.maximum(np.abs(best.vector), 1e-300)
         order = [k for k in np.argsort(-changes) if not problem.space.slots[k].initial]

@@ -118,7 +118,7 @@ def _test(
     ends = np.cumsum([column.residuals.size for column in columns])[:-1]
     scores = direction * (residuals - explained * direction)
     parts = [np.array_split(part, _BLOCKS) for part in np.split(scores, ends)]
-    blocks = np.sum([[part.sum() for part in own] for own in parts], axis=0)
+    blocks = np.sum([[part.sum() for part in record] for record in parts], axis=0)
     if explained**2 < _CONSISTENT**2 * _BLOCKS / (_BLOCKS - 1) * float(blocks @ blocks):
         return 0.0, direction
     every = zip(np.split(residuals, ends), np.split(direction, ends), columns, strict=True)
@@ -139,12 +139,12 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
         # A channel without residuals, such as one that is always zero, has no noise to compare.
         tested = run.valid & np.any((run.measured != outputs) & run.valid, axis=0)
         for key, change in effects.items():
-            own = changes.setdefault(key, list(zeros))
-            own[k] = problem.whitened(k, np.where(tested, change, 0.0))
+            columns_of_effect = changes.setdefault(key, list(zeros))
+            columns_of_effect[k] = problem.whitened(k, np.where(tested, change, 0.0))
     return [
-        _Candidate(name, unit, [column for own in every for column in own.T], positive)
+        _Candidate(name, unit, [column for columns in every for column in columns.T], positive)
         for (name, unit, positive), every in changes.items()
-        if any(np.any(own) for own in every)
+        if any(np.any(columns) for columns in every)
     ]
 
 
@@ -178,10 +178,10 @@ def _of_outputs(run: RecordRun, outputs: FloatArray) -> dict[tuple[str, str, boo
     """Return changes of the outputs by offsets, gains and delays of themselves."""
     effects = {}
     for k, label in enumerate(run.labels):
-        axis, own = np.eye(len(run.labels))[k], outputs[:, k : k + 1]
+        axis, reading = np.eye(len(run.labels))[k], outputs[:, k : k + 1]
         unit = MEASURED[label.channel].unit.replace("1", "")
-        late = -np.gradient(own, axis=0) * run.record.rate
-        effects[f"an offset of {label.text}", unit, False] = np.ones_like(own) * axis
-        effects[f"a relative error of the gain of {label.text}", "", False] = own * axis
+        late = -np.gradient(reading, axis=0) * run.record.rate
+        effects[f"an offset of {label.text}", unit, False] = np.ones_like(reading) * axis
+        effects[f"a relative error of the gain of {label.text}", "", False] = reading * axis
         effects[f"a delay of {label.text}", "s", False] = late * axis
     return effects

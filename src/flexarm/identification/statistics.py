@@ -138,9 +138,9 @@ def cross_correlation(
     crossed = np.array([residuals[k:] @ signal[: count - k] for k in range(lags + 1)]) / size
     every = np.ones(count, dtype=bool)
     longest = max(1, count // 4)
-    own, _ = correlation_of(residuals, valid, longest)
+    correlation, _ = correlation_of(residuals, valid, longest)
     driven, _ = correlation_of(signal, every, longest)
-    power = 1.0 + 2.0 * float(own[1:] @ driven[1:])
+    power = 1.0 + 2.0 * float(correlation[1:] @ driven[1:])
     return crossed, float(np.sqrt(max(power, 1.0) / valid.sum()))
 
 
@@ -193,13 +193,13 @@ def covariance_of(
     # A parameter without information has an infinite variance, and a combination of others without
     # information a very large one.
     curvature = information(columns) + np.diag(priors)
-    known = np.diag(curvature) > 0.0
-    covariance = np.diag(np.where(known, 0.0, np.inf))
-    part = np.ix_(known, known)
-    if known.any():
-        coloured = (coloured_information(columns) + np.diag(priors) - curvature)[part]
-        size = np.sqrt(np.diag(curvature)[known])
-        values, vectors = np.linalg.eigh(curvature[part] / np.outer(size, size))
+    determined = np.diag(curvature) > 0.0
+    covariance = np.diag(np.where(determined, 0.0, np.inf))
+    block = np.ix_(determined, determined)
+    if determined.any():
+        coloured = (coloured_information(columns) + np.diag(priors) - curvature)[block]
+        size = np.sqrt(np.diag(curvature)[determined])
+        values, vectors = np.linalg.eigh(curvature[block] / np.outer(size, size))
         root = vectors / np.sqrt(np.maximum(values, _SINGULAR * values[-1])) / size[:, None]
         inverse = root @ root.T
         # The sum equals the usual product for residuals that are not white, but it does not lose
@@ -209,16 +209,16 @@ def covariance_of(
         lost = np.diag(total) <= 0.0
         total[lost], total[:, lost] = inverse[lost], inverse[:, lost]
         smooth = np.sqrt(np.diag(total))
-        larger = np.maximum(_block_deviations(columns, known, root) / smooth, 1.0)
+        larger = np.maximum(_block_deviations(columns, determined, root) / smooth, 1.0)
         total = total * np.outer(larger, larger)
-        covariance[part] = total + sum(np.outer(s[known], s[known]) for s in shifts)
+        covariance[block] = total + sum(np.outer(s[determined], s[determined]) for s in shifts)
     return covariance
 
 
 def _block_deviations(
-    columns: Sequence[Column], known: NDArray[np.bool_], root: FloatArray
+    columns: Sequence[Column], determined: NDArray[np.bool_], root: FloatArray
 ) -> FloatArray:
-    """Return the standard deviations (known,) that the estimates without single blocks have.
+    """Return the standard deviations (determined,) that the estimates without single blocks have.
 
     Each estimate without a block of samples is one Gauss-Newton step away; ``root`` is a root of
     the inverse of the information. Block jackknife: Kunsch, 1989.
@@ -226,14 +226,16 @@ def _block_deviations(
     records = sorted({column.record for column in columns})
     parts = []
     for record in records:
-        own = [column for column in columns if column.record == record]
-        edges = np.linspace(0, own[0].residuals.size, -(-_BLOCKS // len(records)) + 1).astype(int)
-        parts += [(own, slice(*pair)) for pair in pairwise(edges)]
-    slopes = [[c.derivatives[s][:, known] @ root for c in own] for own, s in parts]
+        channels = [column for column in columns if column.record == record]
+        edges = np.linspace(0, channels[0].residuals.size, -(-_BLOCKS // len(records)) + 1).astype(
+            int
+        )
+        parts += [(channels, slice(*pair)) for pair in pairwise(edges)]
+    slopes = [[c.derivatives[s][:, determined] @ root for c in channels] for channels, s in parts]
     scores = np.array(
         [
-            sum(d.T @ c.residuals[s] for d, c in zip(each, own, strict=True))
-            for each, (own, s) in zip(slopes, parts, strict=True)
+            sum(d.T @ c.residuals[s] for d, c in zip(each, channels, strict=True))
+            for each, (channels, s) in zip(slopes, parts, strict=True)
         ]
     )
     steps = []
@@ -258,12 +260,12 @@ def own_information(
     """
     scaled = information(columns) * np.outer(scale, scale)
     others = ~physical
-    own = scaled[np.ix_(physical, physical)]
+    whole = scaled[np.ix_(physical, physical)]
     if not others.any():
-        return own
+        return whole
     inner = scaled[np.ix_(others, others)] + np.diag(priors[others] * scale[others] ** 2)
     mixed = scaled[np.ix_(others, physical)]
-    return np.asarray(own - mixed.T @ np.linalg.pinv(inner, hermitian=True) @ mixed)
+    return np.asarray(whole - mixed.T @ np.linalg.pinv(inner, hermitian=True) @ mixed)
 
 
 def undetermined(covariance: FloatArray, scale: FloatArray) -> list[tuple[list[int], float]]:
@@ -278,8 +280,8 @@ def undetermined(covariance: FloatArray, scale: FloatArray) -> list[tuple[list[i
     deviations = np.sqrt(np.diag(covariance))
     named = [([int(k)], np.inf) for k in np.flatnonzero(~np.isfinite(deviations))]
     places = np.flatnonzero(np.isfinite(deviations) & (deviations > UNDETERMINED))
-    own = covariance[np.ix_(places, places)]
-    values, vectors = np.linalg.eigh(own)
+    block = covariance[np.ix_(places, places)]
+    values, vectors = np.linalg.eigh(block)
     weak = vectors[:, values > UNDETERMINED**2]
     combinations = list(_sparse(weak.T))
     # A single parameter may be uncertain although no eigenvector is.
@@ -288,7 +290,7 @@ def undetermined(covariance: FloatArray, scale: FloatArray) -> list[tuple[list[i
         order = np.argsort(-np.abs(vector))
         most = _NAMED * np.abs(vector).max()
         involved = [int(places[k]) for k in order if abs(vector[k]) > most]
-        spread = float(np.sqrt(vector @ own @ vector) / np.linalg.norm(vector))
+        spread = float(np.sqrt(vector @ block @ vector) / np.linalg.norm(vector))
         named.append((involved, spread if len(involved) > 1 else float(deviations[involved[0]])))
     return named
 

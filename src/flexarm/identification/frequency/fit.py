@@ -129,8 +129,8 @@ class ModeProblem:
                 bases, errors, self.terms_of_pole(np.array(trial)), strict=True
             ):
                 # Of the terms only the part that is orthogonal to the basis counts.
-                own = np.linalg.qr(terms - basis @ (basis.T @ terms))[0]
-                gain += float(np.sum((own.T @ rest) ** 2))
+                beyond = np.linalg.qr(terms - basis @ (basis.T @ terms))[0]
+                gain += float(np.sum((beyond.T @ rest) ** 2))
             if gain > best:
                 best, chosen = gain, np.array(trial)
         return chosen
@@ -221,8 +221,8 @@ def _diagram(each: list[ComplexArray]) -> xr.Dataset:
     """Return the order diagram of the roots that were fitted with 1, 2, ... modes."""
     size = len(each)
     roots = np.full((size, size), np.nan, dtype=np.complex128)
-    for k, own in enumerate(each):
-        roots[k, : k + 1] = own[np.argsort(np.abs(own))]
+    for k, order_roots in enumerate(each):
+        roots[k, : k + 1] = order_roots[np.argsort(np.abs(order_roots))]
     omega, damping = np.abs(roots), -roots.real / np.abs(roots)
     near = [
         np.abs(values[1:, :, None] / values[:-1, None, :] - 1.0) < limit
@@ -252,9 +252,9 @@ class _Rational(ModeProblem):
         self._shape = response.shape
         size = np.abs(response)
         least = _LEAST * size + _LEAST_OF_ALL * size.max(axis=0)
-        known = np.where(np.isnan(deviation), least, np.maximum(deviation, least))
+        spread = np.where(np.isnan(deviation), least, np.maximum(deviation, least))
         # Half the variance of a complex number is that of its real part.
-        weight = np.sqrt(2.0) / np.where(known > 0.0, known, 1.0)
+        weight = np.sqrt(2.0) / np.where(spread > 0.0, spread, 1.0)
         rate = np.where(np.repeat(rates, response.shape[2]), self._s[:, None], 1.0)
         self._weight = weight.reshape(len(hertz), -1)
         self._factors = list((self._weight * rate).T)
@@ -287,9 +287,9 @@ class _Rational(ModeProblem):
             real, imaginary = np.split(matrix @ linear, 2)
             response.append((real + 1j * imaginary) / self._weight[:, q])
             even, odd = linear[_OTHERS::2] * omega**2, linear[_OTHERS + 1 :: 2] * omega
-            own = (even + odd * root) / (2j * root.imag)
+            residue = (even + odd * root) / (2j * root.imag)
             rate = np.any(factor.imag)
-            residues.append(own * (root if rate else 1.0))
+            residues.append(residue * (root if rate else 1.0))
         shape = self._shape[1:]
         every = np.stack(residues, axis=1).reshape(-1, *shape)
         return every, np.stack(response, axis=1).reshape(-1, *shape)

@@ -156,11 +156,11 @@ class _OverTime(ModeProblem):
         """Return weighted terms as the records contain them: shared ones, and each record's own."""
         terms = []
         for q in range(len(self._outputs)):
-            shared, own = (
+            shared, initial = (
                 [paths[q].simulated(part) for paths, part in zip(self._paths, parts, strict=True)]
                 for parts in (driven, free)
             )
-            columns = np.hstack([np.concatenate(shared), block_diag(*own)])
+            columns = np.hstack([np.concatenate(shared), block_diag(*initial)])
             terms.append(columns * self._weight[:, q : q + 1])
         return terms
 
@@ -195,9 +195,9 @@ class _OverTime(ModeProblem):
         slopes = self.slopes(numbers).reshape(*shape, -1)
         errors = self.errors(numbers).reshape(shape)
         columns = [
-            Column(errors[q, own], slopes[q, own], self.valid[own, q], record)
+            Column(errors[q, rows], slopes[q, rows], self.valid[rows, q], record)
             for record in range(len(self._times))
-            for own in [self._records == record]
+            for rows in [self._records == record]
             for q in range(shape[0])
         ]
         covariance = covariance_of(columns, np.zeros(numbers.size))
@@ -206,12 +206,12 @@ class _OverTime(ModeProblem):
     def residues(self, numbers: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Return residues (k, outputs, inputs), and the outputs (samples, outputs) of the fit."""
         count, m = numbers.size // 2, self._driven[0][0].shape[1]
-        others, own = 3 * m + 2 * len(self._times), 2 * (m + len(self._times))
+        others, width = 3 * m + 2 * len(self._times), 2 * (m + len(self._times))
         factors = [self.linear(matrix, q) for q, matrix in enumerate(self.matrices(numbers))]
         weight, self._weight = self._weight, np.ones_like(self._weight)  # in gaps, too
         predicted = [m @ f for m, f in zip(self.matrices(numbers), factors, strict=True)]
         residues, self._weight = [], weight
         for linear in factors:
-            driven = linear[others:].reshape(count, own)[:, : 2 * m]
+            driven = linear[others:].reshape(count, width)[:, : 2 * m]
             residues.append(0.5 * (driven[:, :m] - 1j * driven[:, m:]))
         return np.stack(residues, axis=1), np.stack(predicted, axis=1)
