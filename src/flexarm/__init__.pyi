@@ -161,6 +161,8 @@ from .simulation.calls.convergence import converged as converged
 from .simulation.calls.plant import Plant as Plant
 from .simulation.calls.run import simulate as simulate
 from .simulation.calls.separated import simulate_separated as simulate_separated
+from .simulation.calls.stress import fatigue_damage as fatigue_damage
+from .simulation.calls.stress import stress as stress
 from .simulation.derivatives.gradient import goal_gradient as goal_gradient
 from .simulation.derivatives.sensitivities import sensitivities as sensitivities
 from .simulation.histories.loads import PrescribedAngle as PrescribedAngle

@@ -35,6 +35,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("Event", "joint_event", "contact_event", "tip_event"),
         *("load_scenario", "run_scenario", "run_study"),
         *("Study", "read_study", "study_statistics", "sensitivity_indices"),
+        *("stress", "fatigue_damage"),
         *("write_result", "read_result", "citation"),
     ),
     "identification": (

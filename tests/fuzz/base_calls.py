@@ -44,6 +44,13 @@ def motion() -> Any:
 
 
 @cache
+def loaded() -> Any:
+    section = fa.Rectangle(width=0.03, height=0.004)
+    beam = fa.Arm(links=[fa.Link(length=1.0, material="steel", section=section, elements=1)])
+    return fa.simulate(beam, 0.01, initial=beam.rest([0.1]), stations=3)
+
+
+@cache
 def limits() -> fa.MotionLimits:
     return fa.MotionLimits(torque=4.0)
 
@@ -199,6 +206,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "converged": {"arm": arm, "duration": 0.01, "rate": 500.0},
     "contact_event": {"arm": arm, "contact": contact},
     "equilibrium": {"arm": arm},
+    "fatigue_damage": {"stress": lambda: fa.stress(loaded()), "detail_category": 71e6},
     "flexible_torque": {"arm": arm, "motion": motion, "duration": 0.01, "rtol": 1e-4},
     "iterative_learning": {
         "arm": arm,
@@ -247,6 +255,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "simulate_separated": {**_MOVE, "duration": 0.05, "rate": 100.0},
     "smoothed": {"motion": motion, "duration": 0.1},
     "step_jacobian": {"arm": arm, **STATE, "torque": [0.1, 0.2], "step": 1e-4},
+    "stress": {"run": loaded, "fibres": [-1.0, 1.0], "stations": 5},
     "tip_event": {"arm": arm, "point": [1.0, 0.0], "normal": [1.0, 0.0]},
     "tip_inversion": {
         "arm": arm,

@@ -179,7 +179,7 @@ def _arm_and_result(path: Path) -> tuple[Arm, xr.Dataset | None]:
     """Return the arm of a file, and the result of a scenario or of a result file."""
     from flexarm.arm.arm import Arm
     from flexarm.cases.results import read_result
-    from flexarm.view.plot.drawn_result import arm_of
+    from flexarm.simulation.calls.result import arm_of
 
     if path.suffix.lower() == ".nc":
         result = read_result(path)

@@ -75,8 +75,8 @@ def _by_name(value: Any) -> Any:
 MaterialOrName = Annotated[Material, BeforeValidator(_by_name)]
 
 
-class _Section(Record):
-    """Base of cross-sections."""
+class CrossSection(Record):
+    """Base of cross-sections, which have an `area` and a `second_moment`."""
 
     _depth: ClassVar[str] = "height"
 
@@ -87,7 +87,7 @@ class _Section(Record):
         return depth
 
 
-class Rectangle(_Section):
+class Rectangle(CrossSection):
     """A solid rectangle; the link bends in the direction of its `height`."""
 
     kind: Literal["rectangle"] = "rectangle"
@@ -112,7 +112,7 @@ class Rectangle(_Section):
         return 5 / 6
 
 
-class Circle(_Section):
+class Circle(CrossSection):
     """A solid circle."""
 
     kind: Literal["circle"] = "circle"
@@ -137,7 +137,7 @@ class Circle(_Section):
         return 6 / 7
 
 
-class Tube(_Section):
+class Tube(CrossSection):
     """A circular tube."""
 
     kind: Literal["tube"] = "tube"
@@ -176,7 +176,7 @@ class Tube(_Section):
         return 6 * (1 + ratio) ** 2 / (7 * (1 + ratio) ** 2 + 20 * ratio)
 
 
-class Box(_Section):
+class Box(CrossSection):
     """A hollow rectangle with uniform wall thickness."""
 
     kind: Literal["box"] = "box"

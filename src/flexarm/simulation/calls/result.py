@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Collection, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -14,13 +14,20 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.observe import bristle_channel, channels_of, contact_channels
-from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, warn_caller
+from flexarm.base.errors import (
+    AccuracyWarning,
+    InputError,
+    LargeDeflectionWarning,
+    ModelError,
+    Problem,
+    warn_caller,
+)
 from flexarm.base.references import package_version
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.cache import can_compile
 from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_X, ROW_Y, ROWS
 from flexarm.linear.statics.axial import closure_warning
-from flexarm.model import file_text
+from flexarm.model import arm_spec_of_text, file_text
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.stepping import Run, section_channels
 
@@ -112,6 +119,23 @@ def arm_text(arm: Arm) -> str:
     if text is None:
         text = _texts[arm] = file_text(arm.spec)
     return text
+
+
+def arm_of(name: str, result: xr.Dataset) -> Arm:
+    """Return the arm of a result, from its attribute ``arm``."""
+    text = result.attrs.get("arm")
+    if not isinstance(text, str):
+        raise InputError(Problem(name, "has no attribute 'arm' with the text of its arm"))
+    try:
+        return _arm(text)
+    except ModelError as error:
+        rule = f"has an invalid attribute 'arm': {str(error.problems[0]).rstrip('.')}"
+        raise InputError(Problem(name, rule)) from None
+
+
+@lru_cache(maxsize=8)
+def _arm(text: str) -> Arm:
+    return Arm(arm_spec_of_text(text, "result"))
 
 
 def make_result(

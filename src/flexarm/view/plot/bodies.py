@@ -11,11 +11,11 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import station_of
 from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, public_call_as
+from flexarm.simulation.calls.result import arm_of
 from flexarm.view.plot import style
 from flexarm.view.plot.drawn_result import (
     STATIONS,
     FloatArray,
-    arm_of,
     at_times,
     check_drawable,
     deflections,

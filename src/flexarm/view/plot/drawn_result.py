@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,7 +16,8 @@ from numpy.typing import NDArray
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_dataset, check_kind
 from flexarm.base.errors import InputError, ModelError, Problem, nearest, shown
-from flexarm.model import Scenario, arm_spec_of_text, scenario_of_text
+from flexarm.model import Scenario, scenario_of_text
+from flexarm.simulation.calls.result import arm_of
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.view.plot.magnified import Magnify, automatic, bending_of
 
@@ -186,23 +186,6 @@ def check_drawable(name: str, value: object) -> xr.Dataset:
     if not np.isfinite(result["q"].values).all():
         raise InputError(Problem(name, "contains NaN or infinite coordinates"))
     return result
-
-
-def arm_of(name: str, result: xr.Dataset) -> Arm:
-    """Return the arm of a result, from its attribute ``arm``."""
-    text = result.attrs.get("arm")
-    if not isinstance(text, str):
-        raise InputError(Problem(name, "has no attribute 'arm' with the text of its arm"))
-    try:
-        return _arm(text)
-    except ModelError as error:
-        rule = f"has an invalid attribute 'arm': {str(error.problems[0]).rstrip('.')}"
-        raise InputError(Problem(name, rule)) from None
-
-
-@lru_cache(maxsize=8)
-def _arm(text: str) -> Arm:
-    return Arm(arm_spec_of_text(text, "result"))
 
 
 def scenario_of(result: xr.Dataset) -> Scenario | None:

@@ -27,6 +27,7 @@ from flexarm.identification.result import Identification, is_identification
 from flexarm.model import Contact
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.metrics import METRICS, metrics_of, on_base, tip_reference
+from flexarm.simulation.calls.result import arm_of
 from flexarm.view.plot import drawn_result
 from flexarm.view.plot.animation.scene import (
     SceneOptions,
@@ -422,7 +423,7 @@ def report(
             write_text(text, place)
         return text
     result = drawn_result.check_drawable("result", result)
-    arm = drawn_result.arm_of("result", result)
+    arm = arm_of("result", result)
     title = "Flexible arm" if title is None else check_kind("title", title, str, "text")
     notes = check_kind("notes", notes, str, "text")
     magnify = check_magnify(magnify)

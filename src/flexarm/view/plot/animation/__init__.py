@@ -23,6 +23,7 @@ from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.writing.places import AnyPath, check_place, write_text, write_whole
 from flexarm.model import Contact
 from flexarm.model.quantities import Flag, Positive
+from flexarm.simulation.calls.result import arm_of
 from flexarm.view.plot import drawn_result
 from flexarm.view.plot.animation.scene import (
     Scene,
@@ -268,7 +269,7 @@ def animate(
     times = _times(named, fps, speed)
     motions, drawings = [], []
     for name, result in named.items():
-        arm = drawn_result.arm_of("results", result)
+        arm = arm_of("results", result)
         none = isinstance(channels, list | tuple) and not channels
         histories = [] if none else drawn_result.several("channels", channels, result)
         if len(histories) > _MOST_HISTORIES:

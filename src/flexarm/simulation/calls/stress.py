@@ -1,0 +1,189 @@
+"""Stress in the links of a run or of the estimates of a filter, and the fatigue that it causes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_kind, check_mapping, library_missing
+from flexarm.base.errors import (
+    AccuracyWarning,
+    InputError,
+    Problem,
+    check_array,
+    public_call,
+    shown,
+    warn_caller,
+)
+from flexarm.control.filters.estimates import Estimates
+from flexarm.control.filters.estimator import StateEstimator
+from flexarm.integrate.base import FloatArray
+from flexarm.model.arm.links import CrossSection, Section
+from flexarm.model.paths import with_numbers
+from flexarm.model.quantities import Count, Positive
+from flexarm.simulation.calls.result import arm_of, make_result
+from flexarm.simulation.run.stepping import section_channels
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Classes of load of the rainflow count: ranges are rounded to this fraction of the largest one.
+_CLASSES = 4096
+#: Share of the samples of a history that are reversals above which peaks lie between samples: at
+#: ten samples a period, two are, and a peak is up to 1 - cos(pi / 10) = 5 % too small.
+_REVERSALS = 0.2
+_SECTION = "a fa.Rectangle, fa.Circle, fa.Tube or fa.Box"
+
+
+@public_call
+def stress(
+    run: xr.Dataset | Estimates,
+    fibres: ArrayLike = (-1.0, 1.0),
+    *,
+    sections: Mapping[int, Section] | None = None,
+    estimator: StateEstimator | None = None,
+    torque: ArrayLike | None = None,
+    stations: Count = 11,
+) -> xr.DataArray:
+    """Return the normal stress in the cross-sections of the links, N / A - M y / I.
+
+    Args:
+        run: result of ``simulate(..., stations=k)``, of a batch or study with these channels, or
+            the ``Estimates`` of a filter.
+        fibres: heights in the section, from -1 to 1 on the side of +y; by default both edges.
+        sections: cross-sections by the number of the link, for links without `section`. Links
+            that have none are left out.
+        estimator: filter of the estimates; its arm with the last estimated payload and parameters
+            has the forces, which balance motors, gravity and inertia.
+        torque: (samples, joints) N m that the filter received.
+        stations: number of sections of each link, for estimates.
+
+    Returns:
+        Stress in Pa, tension positive: (time, link, station, fibre).
+
+    Raises:
+        InputError: if the result has no forces inside the links, no link has a section, an
+            argument is missing, or a fibre is outside.
+
+    Stresses of shear and at notches are not included. Theory page "recursion", (R.40) to (R.43).
+    """
+    import xarray as xr
+
+    heights = np.atleast_1d(check_array("fibres", fibres, (-1,) * (np.ndim(fibres) > 0)))
+    if np.any(np.abs(heights) > 1.0):
+        hint = "The edge of a section is at 1, its neutral axis at 0."
+        raise InputError(Problem("fibres", "be within -1 and 1", shown(fibres), hint))
+    if isinstance(run, Estimates):
+        arm, forces = _estimated_forces(run, estimator, torque, stations)
+    else:
+        forces = check_kind("run", run, xr.Dataset, "a result of simulate, or Estimates")
+        if not {"bending_moment", "axial_force"} <= set(forces):
+            hint = "Simulate with stations=11, for instance."
+            raise InputError(Problem("run", "has no forces inside the links", hint=hint))
+        arm = arm_of("run", forces)
+    by_link = _sections(arm, sections)
+    link = {"link": list(by_link)}
+    area, second_moment, half = (
+        xr.DataArray(list(values), link, ("link",))
+        for values in zip(
+            *((one.area, one.second_moment, 0.5 * one.depth) for one in by_link.values()),
+            strict=True,
+        )
+    )
+    fibre = xr.DataArray(heights, {"fibre": heights}, ("fibre",))
+    axial, moment = forces["axial_force"].sel(link), forces["bending_moment"].sel(link)
+    found = axial / area - moment * (half / second_moment) * fibre
+    return found.rename("stress").assign_attrs(units="Pa", long_name="normal stress, tension > 0")
+
+
+def _estimated_forces(
+    found: Estimates, estimator: StateEstimator | None, torque: ArrayLike | None, stations: int
+) -> tuple[Arm, xr.Dataset]:
+    """Return the arm with the last estimates, and the forces inside its links at the samples."""
+    if estimator is None or torque is None:
+        hint = "Give fa.stress the filter, and the torque that it received."
+        missing = "estimator" if estimator is None else "torque"
+        raise InputError(Problem(missing, "is missing for Estimates", hint=hint))
+    check_kind("estimator", estimator, StateEstimator, "the filter of the estimates")  # type: ignore[type-abstract]
+    last = {path: float(values[-1]) for path, values in found.parameters.items()}
+    numbers = {"payload.mass": max(float(found.payload_mass[-1]), 0.0), **last}
+    arm = Arm(with_numbers(estimator.arm.spec, numbers))
+    torques = check_array("torque", torque, (len(found.q), arm.n_joints)) + found.disturbance
+    moments = np.zeros((stations, len(torques), arm.n_links, 3))
+    for k, (q, qd, acting) in enumerate(zip(found.q, found.qd, torques, strict=True)):
+        qdd = arm.forward_dynamics(q, qd, acting)
+        moments[:, k] = arm.section_forces(q, qd, qdd, stations=stations).transpose(1, 0, 2)
+    times = np.asarray(np.arange(len(torques)) * estimator.sample_time)
+    return arm, make_result(arm, times, section_channels(moments), {})
+
+
+@public_call
+def fatigue_damage(stress: xr.DataArray, detail_category: Positive) -> xr.DataArray:
+    """Return the fatigue damage per hour, 1/h, of each point: at 1 its life is used up.
+
+    Args:
+        stress: of ``fa.stress``, over a time that repeats in service.
+        detail_category: stress range (Pa) that the detail bears two million times.
+
+    Raises:
+        InputError: if fatpack is not installed, or the stress has no times.
+
+    Warns:
+        AccuracyWarning: if peaks of stress lie between the samples.
+
+    Stress ranges are counted as rainflow cycles, with those that remain open as if the history
+    repeated. Damages are added up (Miner) by the curve of EN 1993-1-9, 7.1: slope 3, from five
+    million cycles on 5; ranges that a detail bears a hundred million times do no damage. No safety
+    factor and no mean stress is applied. Package: fatpack.
+    """
+    import xarray as xr
+
+    try:
+        import fatpack
+    except ImportError:
+        raise library_missing("fatpack", "fatigue") from None
+    check_kind("stress", stress, xr.DataArray, "a stress, as fa.stress returns it")
+    if "time" not in stress.dims or stress.sizes["time"] < 3:
+        raise InputError(Problem("stress", "have at least three times", shown(stress.dims)))
+    times = stress["time"].values
+    hours = float(times[-1] - times[0]) / 3600.0
+    curve, coarse = fatpack.TriLinearEnduranceCurve(detail_category), False
+
+    def of_history(history: FloatArray) -> float:
+        nonlocal coarse
+        check_array("stress", history, history.shape)
+        if np.ptp(history) < curve.Sl:  # also a constant one, in which no cycle is found
+            return 0.0
+        turns = len(fatpack.find_reversals(history)[0])
+        coarse = coarse or turns > _REVERSALS * len(history)
+        ranges = fatpack.find_rainflow_ranges(history, k=_CLASSES)
+        return float(curve.find_miner_sum(ranges)) / hours
+
+    found: xr.DataArray = xr.apply_ufunc(
+        of_history, stress, input_core_dims=[["time"]], vectorize=True
+    )
+    if coarse:
+        text = "the stress has less than ten samples a cycle, so its peaks are missed and the "
+        warn_caller(f"{text}damage is too small: simulate with a higher rate.", AccuracyWarning)
+    return found.rename("damage").assign_attrs(units="1/h", long_name="fatigue damage per hour")
+
+
+def _sections(arm: Arm, sections: Mapping[int, Section] | None) -> dict[int, Section]:
+    """Return the cross-sections by the number of the link."""
+    given = check_mapping("sections", {} if sections is None else sections, "links and sections")
+    numbers = range(1, arm.n_links + 1)
+    for number, section in given.items():
+        if number not in numbers:
+            rule = f"have numbers of links, 1 to {arm.n_links}"
+            raise InputError(Problem("sections", rule, shown(number)))
+        check_kind(f"sections[{number}]", section, CrossSection, _SECTION)
+    own = {number: link.section for number, link in zip(numbers, arm.spec.links, strict=True)}
+    found = {number: given.get(number, own[number]) for number in numbers}
+    if kept := {number: section for number, section in found.items() if section is not None}:
+        return kept
+    hint = "Give sections={1: fa.Tube(outer_diameter=..., thickness=...)} by link."
+    raise InputError(Problem("sections", "are missing: no link has one", hint=hint))
