@@ -135,7 +135,7 @@ def damped(arm, factors, uncertainty):
 
 @pytest.fixture(scope="module")
 def design():
-    return fa.MuSynthesis(robust_arm(gravity=HORIZONTAL), POSTURE, iterations=2)
+    return fa.MuSynthesis(robust_arm(gravity=HORIZONTAL), POSTURE)
 
 
 @pytest.mark.thorough
@@ -146,7 +146,7 @@ def test_mu_bounds_the_sensitivity_of_varied_arms(design, signs):
     assert design.mu == min(design.history) < 1.0
     model = damped(arm, (1.0 + 0.1 * signs[0], 1.0 + 0.2 * signs[1]), 0.1)
     A, B = held(model.A, model.B, h)
-    root, _ = shaping(arm, np.array(POSTURE), design.bandwidth, design.sample_time)
+    root, _ = shaping(arm, np.array(POSTURE), design.bandwidth)
     omega = np.geomspace(1e-3, 0.99 * np.pi / h, 800)
     z = np.exp(1j * omega * h)
     plant = response(A, B, model.C, z)
@@ -155,7 +155,7 @@ def test_mu_bounds_the_sensitivity_of_varied_arms(design, signs):
     loop = np.block([[A + B @ design.D @ model.C, B @ design.C], [design.B @ model.C, design.A]])
     assert np.abs(np.linalg.eigvals(loop)).max() < 1.0
     s = 2j / h * np.tan(0.5 * omega * h)
-    corner = 0.5 * 8.0
+    corner = 0.5 * design.bandwidth[0]
     weight = np.abs((s / 2.0 + corner) / (s + 0.1 * corner))
     peak = (weight * np.linalg.norm(np.linalg.inv(np.eye(2) - back), 2, axis=(1, 2))).max()
     # The forces of the uncertainty are constant over a sample: 1 % near the first resonance.
@@ -211,10 +211,17 @@ def test_bandwidth_that_does_not_fit_the_sample_time_is_refused(given, bandwidth
 
 @pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # mu is above one
-@pytest.mark.parametrize("bandwidth", [[8.0, 8.0], [8.0, 0.8]])
-@pytest.mark.parametrize("end", ["least", "largest"])
-def test_designs_at_the_ends_of_the_useful_range(bandwidth, end):
-    sample_time = 1.001e-5 / min(bandwidth) if end == "least" else 0.499 / max(bandwidth)
+@pytest.mark.parametrize(
+    ("bandwidth", "sample_time"),
+    [
+        ([8.0, 8.0], 1.001e-5 / 8.0),
+        ([8.0, 8.0], 0.499 / 8.0),
+        ([8.0, 0.8], 0.499 / 8.0),
+        # At ten times the end: nearer to it, rounding errors of SLICOT may be refused.
+        ([8.0, 0.8], 1e-4 / 0.8),
+    ],
+)
+def test_designs_at_the_ends_of_the_useful_range(bandwidth, sample_time):
     given = {"bandwidth": bandwidth, "sample_time": sample_time}
     arm = robust_arm(gravity=HORIZONTAL)
     found = fa.MuSynthesis(arm, POSTURE, **given, iterations=1, scaling_order=2)

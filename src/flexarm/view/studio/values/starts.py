@@ -349,6 +349,8 @@ _DAMPING = 0.7
 _SAMPLE_TIME = 0.001
 #: Limit on the change of a joint rate in one sample by its own rate gain.
 _RATE_STEP = 0.3
+#: Limit on a sample time, in periods of the highest of two modes a link.
+_HELD = 0.1
 #: Intervals of a sampled torque.
 _INTERVALS = 20
 
@@ -386,10 +388,15 @@ class _Design:
         return hardware is not None and bool(hardware.instruments)
 
     @cached_property
+    def frequencies(self) -> FloatArray:
+        """Frequencies (Hz) of two modes a link, with locked joints."""
+        frequencies = modes(self.arm, self.ends[0]).frequency_hz
+        return np.asarray(frequencies[frequencies > 0.0][: 2 * self.arm.n_links])
+
+    @cached_property
     def bandwidth(self) -> float:
         """Bandwidth of a joint loop, rad/s."""
-        frequencies = modes(self.arm, self.ends[0]).frequency_hz
-        lowest = frequencies[frequencies > 0.0][:1]
+        lowest = self.frequencies[:1]
         return float(_BANDWIDTH * 2.0 * np.pi * lowest[0]) if lowest.size else _RIGID_BANDWIDTH
 
     @cached_property
@@ -451,6 +458,8 @@ _GAIN_STARTS: dict[str, _Start] = {
     "posture_frequency": _at_most(lambda of: of.slowest),
     "bandwidth": _at_most(lambda of: 0.5 * of.slowest),
     "cutoff": _at_most(lambda of: of.slowest / (2.0 * np.pi)),
+    # A linear model of one posture is wrong at others, by more the longer its torque is held.
+    "sample_time": _at_most(lambda of: _HELD / max(of.frequencies, default=_HELD)),
     "damping_ratio": _at_most(lambda of: _DAMPING),
     "boundary_layer": lambda of, _: 0.5,
     "bound": lambda of, _: 0.2,
