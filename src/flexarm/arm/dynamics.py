@@ -45,6 +45,7 @@ class Dynamics(Coordinates):
         self._forward = Pool(lambda: Scratch(a, (a.bodies,), a.joint_body))
         self._inverse = Pool(lambda: Scratch(a, (a.bodies, 1 + a.modes), a.coordinates))
         self._jacobian = Pool(lambda: _Jacobian(self))
+        self._perturbed = Pool(lambda: KernelView(a.constants, complex))
 
     def _state(self, q: ArrayLike, qd: ArrayLike | None) -> FloatArray:
         coordinates = check_array("q", q, (self.dof,))
@@ -243,15 +244,18 @@ class Dynamics(Coordinates):
         In the order of ``closures``: of a pin x and y of the first point from the second (m, world
         axes), of a weld also the angle (rad), of a line or curve the distance from it (m).
         """
-        kernels = KernelView(self.assembly.constants)
-        kernels.call(closure_gaps, self._state(q, None), kernels.work)
-        return kernels.work.closure[:, GAP].copy()
+        state, kernels = self._state(q, None), self._kernels.take()
+        kernels.call(closure_gaps, state, kernels.work)
+        gaps = kernels.work.closure[:, GAP].copy()
+        if is_finite(gaps):
+            self._kernels.append(kernels)
+        return gaps
 
     @public_call
     def closure_jacobian(self, q: ArrayLike) -> FloatArray:
         """Return the derivatives (closure_rows, dof) of ``closure_gaps``, exact to rounding."""
         state = self._state(q, None).astype(complex)
-        kernels = KernelView(self.assembly.constants, complex)
+        kernels = self._perturbed.take()
         columns = np.zeros((self.closure_rows, self.dof))
         flat = state[0].reshape(-1)
         for k, place in enumerate(self.assembly.coordinates):
@@ -259,6 +263,8 @@ class Dynamics(Coordinates):
             kernels.call(closure_gaps, state, kernels.work)
             flat[place] -= 1j * STEP
             columns[:, k] = kernels.work.closure[:, GAP].imag / STEP
+        if is_finite(columns):
+            self._perturbed.append(kernels)
         return columns
 
     @public_call

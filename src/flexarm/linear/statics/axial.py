@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, Piece
-from flexarm.arm.assembly.coordinates import carriers_of
+from flexarm.arm.assembly.coordinates import carriers_of, once_per_arm
 from flexarm.arm.bending import bending_warning, warn_of_first
 from flexarm.arm.closed import stiffness_of
 from flexarm.arm.observe import contact_forces, poses_of
@@ -38,10 +37,6 @@ _PAGE = "see docs/how-to/large-deflection.md."
 _NO_FORCES: FloatArray = np.zeros(0)
 
 
-#: Arms with the second-order theory, which have the same coordinates.
-_second_orders: WeakKeyDictionary[Arm, Arm] = WeakKeyDictionary()
-
-
 def geometric_stiffness(
     arm: Arm, q: FloatArray, environment: Environment, closure_forces: FloatArray = _NO_FORCES
 ) -> FloatArray:
@@ -58,11 +53,15 @@ def geometric_stiffness(
     if not closure_forces.size and np.abs(shares).max(initial=0.0) < _NEGLIGIBLE:
         return nothing
     loads = [*environment.loads, *_contact_loads(arm, q, environment.contacts)]
-    second = _second_orders.get(arm)
-    if second is None:
-        second = _second_orders[arm] = Arm(arm.spec.replace(theory="second_order"))
-    stiff, plain = (stiffness_of(a, q, closure_forces, loads) for a in (second, arm))
+    pair = _second_order(arm), arm
+    stiff, plain = (stiffness_of(a, q, closure_forces, loads) for a in pair)
     return stiff - plain
+
+
+@once_per_arm
+def _second_order(arm: Arm) -> Arm:
+    """Return the arm with the second-order theory, which has the same coordinates."""
+    return Arm(arm.spec.replace(theory="second_order"))
 
 
 def _contact_loads(arm: Arm, q: FloatArray, contacts: Sequence[Contact]) -> list[Load]:
@@ -87,9 +86,9 @@ class AxialLoads:
     def __init__(self, arm: Arm) -> None:
         constants = arm.assembly.constants
         self._arm = arm
-        self._pieces = [piece for piece in arm.assembly.pieces if piece.shapes.w2.size]
-        self._gains = np.array([_gains(piece) for piece in self._pieces]).reshape(-1, 3)
-        slowest = np.array([piece.shapes.w2[0] for piece in self._pieces])
+        self.pieces = [piece for piece in arm.assembly.pieces if piece.shapes.w2.size]
+        self.gains = np.array([_gains(piece) for piece in self.pieces]).reshape(-1, 3)
+        slowest = np.array([piece.shapes.w2[0] for piece in self.pieces])
         self._periods = 2.0 * np.pi / np.sqrt(np.maximum(slowest, np.finfo(float).tiny))
         body = constants.body
         self._tip = body[:, TIP_MASS], body[:, TIP_MASS] * body[:, LENGTH]
@@ -101,7 +100,7 @@ class AxialLoads:
 
     def shares(self, times: FloatArray, states: FloatArray, acting: Acting) -> FloatArray:
         """Return the shares (samples, pieces), averages over the lowest period of each piece."""
-        if not self._pieces:
+        if not self.pieces:
             return np.zeros((len(times), 0))
         poses = poses_of(self._arm, states)
         place, angle, rate = poses[:, :, :2], poses[:, :, 2], poses[:, :, 5]
@@ -127,9 +126,9 @@ class AxialLoads:
             outboard[:, b] += carried[:, b]
             if (a := self._carriers[b]) >= 0:
                 carried[:, a] += outboard[:, b]
-        found = np.zeros((len(times), len(self._pieces)))
-        for k, piece in enumerate(self._pieces):
-            b, (tip, uniform, spinning) = piece.body, self._gains[k]
+        found = np.zeros((len(times), len(self.pieces)))
+        for k, piece in enumerate(self.pieces):
+            b, (tip, uniform, spinning) = piece.body, self.gains[k]
             t, spin = along[:, b], rate[:, b] ** 2
             field = -(root[:, b] * t).sum(axis=1)
             pull = self._tip[0][b] * field + self._tip[1][b] * spin
@@ -173,7 +172,7 @@ class AxialLoads:
 
     def describe(self, times: FloatArray, states: FloatArray, acting: Acting) -> str:
         """Describe the largest axial load of a link in states (samples, 2, n, 1 + m), or ""."""
-        if not len(times) or not self._pieces:
+        if not len(times) or not self.pieces:
             return ""
         if not acting.changing:  # a few samples in each period are enough
             stride = max(1, _window(times, float(self._periods.min())) // _SAMPLES)
@@ -185,7 +184,7 @@ class AxialLoads:
         share = float(extreme[worst])
         if not abs(share) > LARGEST_SHARE:
             return ""
-        link = self._pieces[worst].link
+        link = self.pieces[worst].link
         name = f"link {link + 1}"
         if self._arm.spec.links[link].segments > 1:
             name = f"a segment of {name}"
@@ -255,18 +254,13 @@ class Acting:
         return found
 
 
-#: Cached estimates for each arm of the linear theory.
-_of_arms: WeakKeyDictionary[Arm, AxialLoads] = WeakKeyDictionary()
-
-
 def closure_warning(arm: Arm, forces: FloatArray) -> str:
     """Describe the largest force of a closure beside the buckling load of its links, or ""."""
     if arm.spec.theory != "linear" or not forces.size:
         return ""
-    gains = dict.fromkeys(range(arm.n_links), 0.0)
-    for piece in arm.assembly.pieces:
-        if piece.shapes.w2.size:
-            gains[piece.link] = max(gains[piece.link], _gains(piece)[0])
+    estimate, gains = _estimate(arm), dict.fromkeys(range(arm.n_links), 0.0)
+    for piece, (gain, *_) in zip(estimate.pieces, estimate.gains.tolist(), strict=True):
+        gains[piece.link] = max(gains[piece.link], gain)
     numbers, largest = np.array(arm.closure_numbers), np.abs(forces).max(axis=0)
     for number, closure in enumerate(arm.spec.closures, start=1):
         rows = np.flatnonzero(numbers == number)[:2]  # not the moment of a weld
@@ -289,11 +283,9 @@ def axial_warning(arm: Arm, times: FloatArray, states: FloatArray, acting: Actin
     return _estimate(arm).describe(times, states, acting)
 
 
+@once_per_arm
 def _estimate(arm: Arm) -> AxialLoads:
-    estimate = _of_arms.get(arm)
-    if estimate is None:
-        estimate = _of_arms[arm] = AxialLoads(arm)
-    return estimate
+    return AxialLoads(arm)
 
 
 def _at_rest(

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.actions import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
-from flexarm.arm.closed import independent_motions, refuse_moving_apart, refuse_open
+from flexarm.arm.closed import refuse_start
 from flexarm.base.arguments import (
     about_degrees,
     check_function,
@@ -281,14 +281,12 @@ def check_loops(arm: Arm, state: FloatArray, prescribed: Collection[int] = ()) -
 
     Joints with a prescribed motion, by number, do not help to close a loop.
     """
-    if not arm.closure_rows:
-        return
-    q, qd = arm.unpadded(state)
-    refuse_open(arm, "initial", q)
-    refuse_moving_apart(arm, "initial_rate", q, qd)
-    joints = zip(arm.joint_index.tolist(), arm.joint_numbers.tolist(), strict=True)
-    held = [index for index, number in joints if number in prescribed]
-    independent_motions(arm, q, np.setdiff1d(np.arange(arm.dof), held))
+    if arm.closure_rows:
+        joints = zip(arm.joint_index.tolist(), arm.joint_numbers.tolist(), strict=True)
+        driven = {index for index, number in joints if number in prescribed}
+        free = [index for index in range(arm.dof) if index not in driven]
+        q, qd = arm.unpadded(state)
+        refuse_start(arm, q, qd, free)
 
 
 def integrator_of(arm: Arm, **arguments: Any) -> Choice:

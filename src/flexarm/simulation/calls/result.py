@@ -7,12 +7,11 @@ from collections.abc import Collection, Mapping
 from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.coordinates import turning_joints
+from flexarm.arm.assembly.coordinates import once_per_arm, turning_joints
 from flexarm.arm.observe import bristle_channel, channels_of, contact_channels
 from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, warn_caller
 from flexarm.base.references import package_version
@@ -94,7 +93,6 @@ class _Labels(NamedTuple):
 #: Labels of the last results, because the next arm often has the same links, joints and channels.
 _kept_labels: dict[tuple[object, ...], _Labels] = {}
 _MOST_LABELS = 16
-_texts: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
 
 
 @cache
@@ -106,12 +104,10 @@ def software_versions() -> str:
     return ", ".join([f"Python {platform.python_version()}", *packages, system])
 
 
+@once_per_arm
 def arm_text(arm: Arm) -> str:
-    """Return the text of an arm's file, cached for each arm."""
-    text = _texts.get(arm)
-    if text is None:
-        text = _texts[arm] = file_text(arm.spec)
-    return text
+    """Return the text of an arm's file."""
+    return file_text(arm.spec)
 
 
 def make_result(
@@ -153,9 +149,7 @@ def _with_values(labels: _Labels, values: dict[str, FloatArray]) -> xr.Dataset:
 def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> _Labels:
     """Return the labels of a result: those of an earlier one with the same labels, or new ones."""
     shapes = {name: array.shape for name, array in values.items()}
-    numbers = tuple(arm.joint_numbers.tolist())
-    names = (*_coordinate_names(arm), *turning_joints(arm).tolist())
-    key = (names, numbers, arm.n_links, _gauge_names(arm), _closure_names(arm), *shapes.items())
+    key = (_names_of(arm), *shapes.items())
     labels = _kept_labels.get(key)
     if labels is None or not np.array_equal(labels.times, times):
         times = times.copy()
@@ -168,6 +162,14 @@ def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> _Labe
         for oldest in list(_kept_labels)[:-_MOST_LABELS]:
             _kept_labels.pop(oldest, None)  # another thread may have removed it
     return labels
+
+
+@once_per_arm
+def _names_of(arm: Arm) -> tuple[object, ...]:
+    """Return what determines the labels of the results of an arm with some channels."""
+    numbers = tuple(arm.joint_numbers.tolist())
+    names = (*_coordinate_names(arm), *turning_joints(arm).tolist())
+    return names, numbers, arm.n_links, _gauge_names(arm), _closure_names(arm)
 
 
 def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.Dataset:
