@@ -35,6 +35,7 @@ _NEGLIGIBLE = 0.01
 _SAMPLES = 8
 _PAGE = "see docs/how-to/large-deflection.md."
 _NO_FORCES: FloatArray = np.zeros(0)
+_QUARTER: FloatArray = np.array([-1.0, 1.0])
 
 
 def geometric_stiffness(
@@ -159,15 +160,17 @@ class AxialLoads:
         if k >= len(times):
             return np.zeros_like(rate)
         middle = (rate[k:] - rate[:-k]) / (times[k:] - times[:-k])[:, None]
-        return np.pad(middle, ((k // 2, k - k // 2), (0, 0)), mode="edge")
+        places = np.arange(len(times)) - k // 2
+        return np.asarray(middle[np.minimum(np.maximum(places, 0), len(middle) - 1)])
 
     def _averaged(self, times: FloatArray, shares: FloatArray) -> FloatArray:
         found = np.empty_like(shares)
         for k, period in enumerate(self._periods):
             width = min(_window(times, float(period)), len(times))
-            total = np.concatenate([[0.0], np.cumsum(shares[:, k])])
+            total = np.zeros(len(times) + 1)
+            np.cumsum(shares[:, k], out=total[1:])
             means = (total[width:] - total[:-width]) / width
-            found[:, k] = np.pad(means, (0, len(times) - len(means)), mode="edge")
+            found[: len(means), k], found[len(means) :, k] = means, means[-1]
         return found
 
     def describe(self, times: FloatArray, states: FloatArray, acting: Acting) -> str:
@@ -206,7 +209,7 @@ def _window(times: FloatArray, period: float) -> int:
 
 def _turned(vectors: FloatArray) -> FloatArray:
     """Return vectors (..., 2) turned by a right angle."""
-    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
+    return vectors[..., ::-1] * _QUARTER
 
 
 def _gains(piece: Piece) -> list[float]:
