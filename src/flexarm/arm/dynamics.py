@@ -257,15 +257,15 @@ class Dynamics(Coordinates):
         state = self._state(q, None).astype(complex)
         kernels = self._perturbed.take()
         columns = np.zeros((self.closure_rows, self.dof))
-        flat = state[0].reshape(-1)
-        for k, place in enumerate(self.assembly.coordinates):
+        flat, changes = state[0].reshape(-1), kernels.work.closure[:, GAP].imag
+        for k, place in enumerate(self.assembly.coordinates.tolist()):
             flat[place] += 1j * STEP
             kernels.call(closure_gaps, state, kernels.work)
             flat[place] -= 1j * STEP
-            columns[:, k] = kernels.work.closure[:, GAP].imag / STEP
+            columns[:, k] = changes
         if is_finite(columns):
             self._perturbed.append(kernels)
-        return columns
+        return columns / STEP
 
     @public_call
     def closure_forces(

@@ -97,7 +97,9 @@ class AxialLoads:
         self._moment = body[:, FIRST_MOMENT_X] + self._tip[1]
         self._gravity = np.asarray(arm.spec.gravity, dtype=float)
         self._carriers = carriers_of(arm)
-        self._sliding = np.flatnonzero(constants.slides)
+        self._sliding = np.flatnonzero(constants.slides).tolist()
+        self._bodies = np.array([piece.body for piece in self.pieces], dtype=np.intp)
+        self._offset = np.array([piece.offset for piece in self.pieces])
 
     def shares(self, times: FloatArray, states: FloatArray, acting: Acting) -> FloatArray:
         """Return the shares (samples, pieces), averages over the lowest period of each piece."""
@@ -127,21 +129,19 @@ class AxialLoads:
             outboard[:, b] += carried[:, b]
             if (a := self._carriers[b]) >= 0:
                 carried[:, a] += outboard[:, b]
-        found = np.zeros((len(times), len(self.pieces)))
-        for k, piece in enumerate(self.pieces):
-            b, (tip, uniform, spinning) = piece.body, self.gains[k]
-            t, spin = along[:, b], rate[:, b] ** 2
-            field = -(root[:, b] * t).sum(axis=1)
-            pull = self._tip[0][b] * field + self._tip[1][b] * spin
-            pull = pull - (carried[:, b] * t).sum(axis=1)
-            for body, x, force in forces:
-                if body == b:
-                    ratio = min(max((x - piece.offset) / piece.shapes.length, 0.0), 1.0)
-                    # Part of the shortening inboard of the load, for Euler's buckling mode.
-                    part = ratio - np.sin(np.pi * ratio) / np.pi
-                    pull = pull + part * (force * t).sum(axis=1)
-            found[:, k] = tip * pull + uniform * (field + piece.offset * spin) + spinning * spin
-        return self._averaged(times, found)
+        bodies, (tip, uniform, spinning) = self._bodies, self.gains.T
+        t, spin = along[:, bodies], rate[:, bodies] ** 2
+        field = -(root[:, bodies] * t).sum(axis=2)
+        pull = self._tip[0][bodies] * field + self._tip[1][bodies] * spin
+        pull -= (carried[:, bodies] * t).sum(axis=2)
+        for body, x, force in forces:
+            for k in np.flatnonzero(bodies == body):
+                ratio = min(max((x - self._offset[k]) / self.pieces[k].shapes.length, 0.0), 1.0)
+                # Part of the shortening inboard of the load, for Euler's buckling mode.
+                part = ratio - np.sin(np.pi * ratio) / np.pi
+                pull[:, k] += part * (force * t[:, k]).sum(axis=1)
+        shares = tip * pull + uniform * (field + self._offset * spin) + spinning * spin
+        return self._averaged(times, shares)
 
     def _slid(
         self, times: FloatArray, b: int, states: FloatArray, angle: FloatArray, rate: FloatArray
