@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from inspect import signature
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -276,17 +277,23 @@ def torque_history(
     return driven
 
 
+#: The start of each mechanism, with prescribed joints, that was accepted last.
+_closed: WeakKeyDictionary[Arm, tuple[bytes, tuple[int, ...]]] = WeakKeyDictionary()
+
+
 def check_loops(arm: Arm, state: FloatArray, prescribed: Collection[int] = ()) -> None:
     """Raise unless a state closes all loops, keeps them closed, and leaves closures independent.
 
     Joints with a prescribed motion, by number, do not help to close a loop.
     """
-    if arm.closure_rows:
+    start = state.tobytes(), tuple(prescribed)
+    if arm.closure_rows and _closed.get(arm) != start:
         joints = zip(arm.joint_index.tolist(), arm.joint_numbers.tolist(), strict=True)
         driven = {index for index, number in joints if number in prescribed}
         free = [index for index in range(arm.dof) if index not in driven]
         q, qd = arm.unpadded(state)
         refuse_start(arm, q, qd, free)
+        _closed[arm] = start
 
 
 def integrator_of(arm: Arm, **arguments: Any) -> Choice:
