@@ -48,9 +48,12 @@ class Dynamics(Coordinates):
         self._perturbed = Pool(lambda: KernelView(a.constants, complex))
 
     def _state(self, q: ArrayLike, qd: ArrayLike | None) -> FloatArray:
-        coordinates = check_array("q", q, (self.dof,))
-        rates = np.zeros(self.dof) if qd is None else check_array("qd", qd, (self.dof,))
-        return self.padded(np.stack([coordinates, rates]))
+        a = self.assembly
+        state = np.zeros((2, a.bodies * (1 + a.modes)))
+        state[0, a.coordinates] = check_array("q", q, self._vector)
+        if qd is not None:
+            state[1, a.coordinates] = check_array("qd", qd, self._vector)
+        return state.reshape(2, a.bodies, 1 + a.modes)
 
     def _place(
         self,
