@@ -29,7 +29,8 @@ def once_per_arm(function: Callable[Concatenate[A, P], R]) -> Callable[Concatena
 
     @wraps(function)
     def call(arm: A, /, *args: P.args, **kwargs: P.kwargs) -> R:
-        results, key = arm._results, (function, args, *kwargs.items())
+        results = vars(arm).setdefault("_results", {})
+        key = function, args, *kwargs.items()
         if key not in results:
             result = results[key] = function(arm, *args, **kwargs)
             if isinstance(result, np.ndarray):
@@ -128,7 +129,6 @@ class Coordinates:
     def __init__(self, spec: ArmSpec, assembly: Assembly) -> None:
         self.spec = spec
         self.assembly = assembly
-        self._results: dict[Any, Any] = {}  # of `once_per_arm`
 
     @cached_property
     def dof(self) -> int:
