@@ -127,14 +127,12 @@ def _paths(arm: Arm) -> list[tuple[list[int], list[float]]]:
     return paths
 
 
-@once_per_arm
-def _errors(arm: Arm) -> BendingErrors:
-    return BendingErrors(arm)
+_errors_of = once_per_arm(BendingErrors)
 
 
 def theory_error(arm: Arm, states: FloatArray) -> str:
     """Describe the largest error of the theory in states (samples, 2, n, 1 + m); "" if small."""
-    words = _description(arm, _errors(arm), states)
+    words = _description(arm, _errors_of(arm), states)
     if not words:
         return ""
     fact, link, error = words

@@ -213,29 +213,22 @@ def refuse_open(arm: Arm, name: str, q: FloatArray, hint: str = _POSTURE) -> Non
             raise InputError(Problem(name, "close the loops", _gap(arm, gaps, largest), hint))
 
 
-def refuse_moving_apart(arm: Arm, name: str, q: FloatArray, qd: FloatArray) -> None:
-    """Raise if rates qd (dof,), an argument ``name``, do not keep the loops closed at q."""
-    if arm.closure_rows and np.any(qd):
-        _refuse_rates(arm, name, _scaled(arm, arm.closure_jacobian(q)), qd)
-
-
-def refuse_start(arm: Arm, q: FloatArray, qd: FloatArray, free: list[int]) -> None:
-    """Raise unless a run can start at q and qd (dof,): loops are closed and remain so, and no
-    closure depends on others for the coordinates ``free``.
-    """
-    refuse_open(arm, "initial", q)
-    J = _scaled(arm, arm.closure_jacobian(q))
-    _refuse_rates(arm, "initial_rate", J, qd)
-    _refuse_dependent(arm, J[:, free])
-
-
-def _refuse_rates(
-    arm: Arm,
-    name: str,
-    J: FloatArray,
-    qd: FloatArray,
-    hint: str = "fa.assembled(arm, q, qd) computes both.",
+def refuse_opening(
+    arm: Arm, names: tuple[str, str], q: FloatArray, qd: FloatArray, free: list[int] | None = None
 ) -> None:
+    """Raise unless loops are closed at q (dof,), and rates qd, of these ``names``, keep them so.
+
+    Also if rows of closures depend on each other for the coordinates ``free``.
+    """
+    if arm.closure_rows:
+        refuse_open(arm, names[0], q)
+        J = _scaled(arm, arm.closure_jacobian(q))
+        _refuse_rates(arm, names[1], J, qd, "fa.assembled(arm, q, qd) computes both.")
+        if free is not None:
+            _refuse_dependent(arm, J[:, free])
+
+
+def _refuse_rates(arm: Arm, name: str, J: FloatArray, qd: FloatArray, hint: str) -> None:
     rates = qd / coordinate_sizes(arm)
     left, scale = np.abs(J @ rates), np.max(np.abs(J) @ np.abs(rates))
     worst = int(np.argmax(left))

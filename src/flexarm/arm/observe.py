@@ -107,7 +107,7 @@ def _observed(
     poses = np.empty((count, arm.assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
     tips = np.empty((count, 6), dtype=states.dtype)
     energy = np.zeros((count, 3), dtype=states.dtype)
-    sizes = arm.assembly.run_sizes
+    sizes = arm.assembly.sizes
     if energies:
         observe_many(sizes, constants, states, poses, tips, energy)
     else:

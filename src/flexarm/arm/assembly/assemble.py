@@ -114,12 +114,7 @@ class Assembly:
 
     @cached_property
     def sizes(self) -> Sizes:
-        """Loop lengths of kernels with the ``constants``, at run time."""
-        return run_time_sizes(self.constants)
-
-    @cached_property
-    def run_sizes(self) -> Sizes:
-        """Loop lengths of kernels with the ``run_constants``, at run time."""
+        """Loop lengths of kernels with the ``run_constants``, as values at run time."""
         return run_time_sizes(self.run_constants)
 
     @cached_property

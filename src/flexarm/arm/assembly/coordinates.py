@@ -29,14 +29,13 @@ def once_per_arm(function: Callable[Concatenate[A, P], R]) -> Callable[Concatena
 
     @wraps(function)
     def call(arm: A, /, *args: P.args, **kwargs: P.kwargs) -> R:
-        results = vars(arm).setdefault("_results", {})
+        results: dict[Any, R] = vars(arm).setdefault("_results", {})
         key = function, args, *kwargs.items()
         if key not in results:
             result = results[key] = function(arm, *args, **kwargs)
             if isinstance(result, np.ndarray):
                 result.setflags(write=False)
-        kept: R = results[key]
-        return kept
+        return results[key]
 
     return call
 

@@ -38,6 +38,7 @@ from flexarm.kernels.layout import (
     Workspace,
     new_workspace,
     no_loads,
+    run_time_sizes,
 )
 from flexarm.kernels.observation.observables import POSE_COLUMNS, energies, poses
 from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
@@ -256,7 +257,7 @@ class KernelCalls:
         self.arm, self.constants = arm, constants
         self.gauge_bodies, self.gauge_rows = gauge_bodies, gauge_rows
         self.free = free
-        self._sizes = arm.assembly.sizes
+        self._sizes = run_time_sizes(arm.assembly.constants)
 
     def forward_dynamics(
         self, q: Objects, qd: Objects, torque: Objects, tip_force: Force = None

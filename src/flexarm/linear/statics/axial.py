@@ -257,6 +257,9 @@ class Acting:
         return found
 
 
+_estimate = once_per_arm(AxialLoads)
+
+
 def closure_warning(arm: Arm, forces: FloatArray) -> str:
     """Describe the largest force of a closure beside the buckling load of its links, or ""."""
     if arm.spec.theory != "linear" or not forces.size:
@@ -284,11 +287,6 @@ def axial_warning(arm: Arm, times: FloatArray, states: FloatArray, acting: Actin
     if arm.spec.theory != "linear":
         return ""
     return _estimate(arm).describe(times, states, acting)
-
-
-@once_per_arm
-def _estimate(arm: Arm) -> AxialLoads:
-    return AxialLoads(arm)
 
 
 def _at_rest(

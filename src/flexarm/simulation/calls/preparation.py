@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.actions import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
-from flexarm.arm.closed import refuse_start
+from flexarm.arm.closed import refuse_opening
 from flexarm.base.arguments import (
     about_degrees,
     check_function,
@@ -288,11 +288,10 @@ def check_loops(arm: Arm, state: FloatArray, prescribed: Collection[int] = ()) -
     """
     start = state.tobytes(), tuple(prescribed)
     if arm.closure_rows and _closed.get(arm) != start:
-        joints = zip(arm.joint_index.tolist(), arm.joint_numbers.tolist(), strict=True)
-        driven = {index for index, number in joints if number in prescribed}
+        driven = arm.joint_index[np.isin(arm.joint_numbers, start[1])].tolist()
         free = [index for index in range(arm.dof) if index not in driven]
         q, qd = arm.unpadded(state)
-        refuse_start(arm, q, qd, free)
+        refuse_opening(arm, ("initial", "initial_rate"), q, qd, free)
         _closed[arm] = start
 
 

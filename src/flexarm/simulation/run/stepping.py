@@ -126,7 +126,7 @@ def system_of(
     if specialized and not INTERPRETED and not can_compile():
         hint = "pip install 'flexarm[jit]' brings it; without specialized, no run needs it."
         raise InputError(Problem("specialized", "needs Numba, which is not installed", hint=hint))
-    sizes = compile_time_sizes(constants) if specialized else arm.assembly.run_sizes
+    sizes = compile_time_sizes(constants) if specialized else arm.assembly.sizes
     return System(sizes, constants, drive, new_workspace(constants))
 
 
@@ -228,13 +228,13 @@ class Run:
     def _specialize(self, system: System, progress: Progress) -> System:
         """Switch a long run to code compiled for its model size; the state does not change."""
         n, m = system.constants.S.shape
-        large = n > _MOST_BODIES or m > _MOST_MODES
-        if self.specialized is not None or large:
-            return system
         # Count work and not time, because the time depends on the load of the machine.
         work = progress.evaluations * n * (1 + m)
         ahead = work * (self.duration / max(progress.time, 1e-9 * self.duration) - 1.0)
-        if work < _TRIED or ahead < _WORTH_COMPILING or not can_compile():
+        worth = work >= _TRIED and ahead >= _WORTH_COMPILING
+        if self.specialized is not None or n > _MOST_BODIES or m > _MOST_MODES or not worth:
+            return system
+        if not can_compile():
             return system
         self.specialized = True
         return system._replace(sizes=compile_time_sizes(system.constants))
