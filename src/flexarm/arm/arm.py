@@ -207,16 +207,8 @@ class Arm(Dynamics):
         placed = kept[1]
         state, body_poses, _ = self._poses(check_state(self, "q", q))
         points = np.zeros((self.n_links * stations, 2))
-        axis_points(
-            self.assembly.sizes,
-            state,
-            body_poses,
-            placed.body,
-            placed.x,
-            placed.rows,
-            placed.shortening,
-            points,
-        )
+        sizes, shapes = self.assembly.sizes, (placed.rows, placed.shortening)
+        axis_points(sizes, state, body_poses, placed.body, placed.x, *shapes, points)
         return points.reshape(self.n_links, stations, 2)
 
     @public_call

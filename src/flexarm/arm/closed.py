@@ -22,6 +22,7 @@ from flexarm.arm.assembly.assemble import FloatArray, IntArray
 from flexarm.arm.assembly.coordinates import check_joint, coordinate_sizes, once_per_arm
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.bending import bending_warning
+from flexarm.arm.dynamics import gaps_by_q
 from flexarm.base.arguments import as_list
 from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call, shown
 from flexarm.kernels.columns import GAP, GAP_RATE
@@ -290,21 +291,6 @@ def sized_gaps(arm: Arm, constants: ArmConstants, state: FloatArray) -> FloatArr
     return kernels.work.closure[:, [GAP, GAP_RATE]] / row_sizes(arm)[:, None] / [1.0, speed]
 
 
-def gap_rates_by_q(arm: Arm, q: FloatArray, qd: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the rates of the gaps (rows,) at q and qd, and their derivatives (rows, dof) by q."""
-    state = arm.padded(np.stack([q, qd])).astype(complex)
-    kernels = KernelView(arm.assembly.constants, complex)
-    by_q, flat = np.zeros((arm.closure_rows, arm.dof)), state[0].reshape(-1)
-    kernels.call(closure_gaps, state, kernels.work)
-    rates = kernels.work.closure[:, GAP_RATE].real.copy()
-    for k, place in enumerate(arm.assembly.coordinates):
-        flat[place] += 1j * STEP
-        kernels.call(closure_gaps, state, kernels.work)
-        flat[place] -= 1j * STEP
-        by_q[:, k] = kernels.work.closure[:, GAP_RATE].imag / STEP
-    return rates, by_q
-
-
 def by_independent(arm: Arm, state: FloatArray, slope: FloatArray) -> FloatArray:
     """Return the derivatives (2, dof) of a function of q and qd, along the closures.
 
@@ -317,7 +303,7 @@ def by_independent(arm: Arm, state: FloatArray, slope: FloatArray) -> FloatArray
         return slope
     by_q, by_qd = slope
     # The rates keep J qd = 0 while q moves.
-    by_q = by_q - by_qd[motions.dependent] @ motions.solver @ gap_rates_by_q(arm, *state)[1]
+    by_q = by_q - by_qd[motions.dependent] @ motions.solver @ gaps_by_q(arm, state, GAP_RATE)
     along = np.zeros_like(slope)
     along[:, motions.independent] = motions.forces(by_q), motions.forces(by_qd)
     return along

@@ -257,18 +257,8 @@ class Dynamics(Coordinates):
     @public_call
     def closure_jacobian(self, q: ArrayLike) -> FloatArray:
         """Return the derivatives (closure_rows, dof) of ``closure_gaps``, exact to rounding."""
-        state = self._state(q, None).astype(complex)
-        kernels = self._perturbed.take()
-        columns = np.zeros((self.closure_rows, self.dof))
-        flat, changes = state[0].reshape(-1), kernels.work.closure[:, GAP].imag
-        for k, place in enumerate(self.assembly.coordinates.tolist()):
-            flat[place] += 1j * STEP
-            kernels.call(closure_gaps, state, kernels.work)
-            flat[place] -= 1j * STEP
-            columns[:, k] = changes
-        if is_finite(columns):
-            self._perturbed.append(kernels)
-        return columns / STEP
+        coordinates = check_array("q", q, self._vector)
+        return gaps_by_q(self, np.stack([coordinates, np.zeros(self.dof)]), GAP)
 
     @public_call
     def closure_forces(
@@ -383,6 +373,21 @@ class Dynamics(Coordinates):
             flat.take(kernels.places_qd).T,
             kernels.by_torque.take(kernels.places_torque),
         )
+
+
+def gaps_by_q(arm: Dynamics, state: FloatArray, column: int) -> FloatArray:
+    """Return derivatives (rows, dof) by q of a ``column`` of closures at q and qd (2, dof)."""
+    kernels, states = arm._perturbed.take(), arm.padded(state).astype(complex)
+    slopes = np.zeros((arm.closure_rows, arm.dof))
+    flat, changes = states[0].reshape(-1), kernels.work.closure[:, column].imag
+    for k, place in enumerate(arm.assembly.coordinates.tolist()):
+        flat[place] += 1j * STEP
+        kernels.call(closure_gaps, states, kernels.work)
+        flat[place] -= 1j * STEP
+        slopes[:, k] = changes
+    if is_finite(slopes):
+        arm._perturbed.append(kernels)
+    return slopes / STEP
 
 
 class _Jacobian(KernelView):

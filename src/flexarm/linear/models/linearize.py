@@ -20,9 +20,11 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import check_state
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.bending import one_warning
-from flexarm.arm.closed import gap_rates_by_q, independent_motions, least_forces, refuse_opening
+from flexarm.arm.closed import independent_motions, least_forces, refuse_opening
+from flexarm.arm.dynamics import gaps_by_q
 from flexarm.arm.observe import channels_of, contact_channels
 from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call
+from flexarm.kernels.columns import GAP_RATE
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Loads
 from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
@@ -180,7 +182,7 @@ class _Perturbed:
         directions = np.zeros((2, Z.shape[1], 2 * dof))
         directions[0, :, :dof] = directions[1, :, dof:] = Z.T
         if motions.basis is not None:
-            by_q = gap_rates_by_q(self.arm, self.point.q, self.point.qd)[1]
+            by_q = gaps_by_q(self.arm, np.stack([self.point.q, self.point.qd]), GAP_RATE)
             directions[0, :, dof + motions.dependent] = -motions.solver @ by_q @ Z
         return directions.reshape(self.size, 2 * dof)
 

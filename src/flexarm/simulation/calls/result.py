@@ -51,11 +51,11 @@ def _channels_of_span(
 ) -> dict[str, FloatArray]:
     count = run.progress.sample
     times, states = run.sample_times[:count], run.samples[:count]
-    by_forces = names is None or run.prescribed or run.arm.closure_rows
-    if names is not None and not by_forces and not BY_FORCES.intersection(names):
-        found = channels_of(run.arm, states, names) | bristle_channel(run.arm, states)
-        return found | {"torque": given}
-    channels = channels_of(run.arm, states) | bristle_channel(run.arm, states)
+    if run.prescribed or run.arm.closure_rows or not BY_FORCES.isdisjoint(names or ()):
+        names = None
+    channels = channels_of(run.arm, states, names) | bristle_channel(run.arm, states)
+    if names is not None:
+        return channels | {"torque": given}
     motor, force, moment, inside, closing = run.reactions(times, channels["link_angle"], given)
     channels |= {"torque": motor, "joint_force": force, "joint_moment": moment}
     channels |= section_channels(inside)

@@ -228,13 +228,12 @@ class Run:
     def _specialize(self, system: System, progress: Progress) -> System:
         """Switch a long run to code compiled for its model size; the state does not change."""
         n, m = system.constants.S.shape
+        if self.specialized is not None or n > _MOST_BODIES or m > _MOST_MODES:
+            return system
         # Count work and not time, because the time depends on the load of the machine.
         work = progress.evaluations * n * (1 + m)
         ahead = work * (self.duration / max(progress.time, 1e-9 * self.duration) - 1.0)
-        worth = work >= _TRIED and ahead >= _WORTH_COMPILING
-        if self.specialized is not None or n > _MOST_BODIES or m > _MOST_MODES or not worth:
-            return system
-        if not can_compile():
+        if work < _TRIED or ahead < _WORTH_COMPILING or not can_compile():
             return system
         self.specialized = True
         return system._replace(sizes=compile_time_sizes(system.constants))
