@@ -54,8 +54,7 @@ def geometric_stiffness(
     if not closure_forces.size and np.abs(shares).max(initial=0.0) < _NEGLIGIBLE:
         return nothing
     loads = [*environment.loads, *_contact_loads(arm, q, environment.contacts)]
-    pair = _second_order(arm), arm
-    stiff, plain = (stiffness_of(a, q, closure_forces, loads) for a in pair)
+    stiff, plain = (stiffness_of(a, q, closure_forces, loads) for a in (_second_order(arm), arm))
     return stiff - plain
 
 

@@ -409,9 +409,7 @@ def initial_state(
     arm: Arm, q: ArrayLike | None, qd: ArrayLike | None, straight: FloatArray
 ) -> FloatArray:
     """Return the state (2, n, 1 + m) for coordinates and rates (dof,)."""
-    if q is None:
-        q = arm.rest(straight)
-    given = check_array("initial", q, (-1,))
+    given = check_array("initial", arm.rest(straight) if q is None else q, (-1,))
     if given.size != arm.dof:
         hint = "Arm.rest(joint_angles) gives the coordinates of straight links."
         rule = f"have shape ({arm.dof},) for the coordinates of the arm"

@@ -6,7 +6,7 @@ import platform
 from collections.abc import Collection, Mapping
 from functools import cache
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -81,17 +81,9 @@ def _channels_of_span(
 _SINGULAR = 1e-4
 
 
-class _Labels(NamedTuple):
-    """Dimensions, coordinates and attributes of a result, by variable."""
-
-    times: FloatArray
-    variables: dict[Any, xr.Variable]  # those of channels have placeholder data
-    indexes: dict[Any, Any]  # of the coordinates, which are the other variables
-    sizes: dict[Any, int]
-
-
-#: Labels of the last results, because the next arm often has the same links, joints and channels.
-_kept_labels: dict[tuple[object, ...], _Labels] = {}
+#: Last results, with zeros as channels, because the next arm often has the same links, joints and
+#: channels.
+_kept_labels: dict[tuple[object, ...], xr.Dataset] = {}
 _MOST_LABELS = 16
 
 
@@ -123,7 +115,7 @@ def make_result(
     return dataset
 
 
-def _with_values(labels: _Labels, values: dict[str, FloatArray]) -> xr.Dataset:
+def _with_values(labels: xr.Dataset, values: dict[str, FloatArray]) -> xr.Dataset:
     """Return a dataset of its own with the labels, and with the values of its channels.
 
     ``Dataset.copy(data=values)`` copies and checks every variable several times, which takes a
@@ -138,27 +130,24 @@ def _with_values(labels: _Labels, values: dict[str, FloatArray]) -> xr.Dataset:
         else variable.copy(deep=False)
         for name, variable in labels.variables.items()
     }
-    names, indexes = set(labels.indexes), dict(labels.indexes)
+    indexes, sizes = dict(labels.xindexes), dict(labels.sizes)
     try:
-        return xr.Dataset._construct_direct(variables, names, dict(labels.sizes), indexes=indexes)
+        return xr.Dataset._construct_direct(variables, set(indexes), sizes, indexes=indexes)
     except (AttributeError, TypeError):  # another version of xarray
-        coordinates = {name: variables.pop(name) for name in names}
+        coordinates = {name: variables.pop(name) for name in indexes}
         return xr.Dataset(variables, coords=coordinates)
 
 
-def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> _Labels:
-    """Return the labels of a result: those of an earlier one with the same labels, or new ones."""
+def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.Dataset:
+    """Return a dataset with the labels of a result: an earlier one with the same, or a new one."""
     shapes = {name: array.shape for name, array in values.items()}
-    key = (_names_of(arm), *shapes.items())
+    key = _names_of(arm), times.tobytes(), *shapes.items()
     labels = _kept_labels.get(key)
-    if labels is None or not np.array_equal(labels.times, times):
+    if labels is None:
         times = times.copy()
         times.setflags(write=False)  # results share the time index
         nothing = {name: np.broadcast_to(0.0, shape) for name, shape in shapes.items()}
-        dataset = _labelled(arm, times, nothing)
-        parts = dict(dataset.variables), dict(dataset.xindexes), dict(dataset.sizes)
-        labels = _Labels(times, *parts)
-        _kept_labels[key] = labels
+        labels = _kept_labels[key] = _labelled(arm, times, nothing)
         for oldest in list(_kept_labels)[:-_MOST_LABELS]:
             _kept_labels.pop(oldest, None)  # another thread may have removed it
     return labels

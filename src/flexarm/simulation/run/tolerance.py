@@ -126,8 +126,7 @@ def fastest_frequency(arm: Arm, state: FloatArray) -> float:
     posture = state[0].tobytes()
     known = _frequencies.get(arm)
     if known is None or known[0] != posture:
-        frequency = float(fastest_frequencies(arm, state[None])[0])
-        known = _frequencies[arm] = posture, frequency
+        known = _frequencies[arm] = posture, float(fastest_frequencies(arm, state[None])[0])
     return known[1]
 
 
