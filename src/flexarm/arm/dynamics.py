@@ -177,11 +177,11 @@ class Dynamics(Coordinates):
         closure_forces: ArrayLike | None,
     ) -> Scratch:  # fmt: skip
         """Return scratch with the inverse dynamics in its workspace; the caller must return it."""
-        forces = np.zeros(self.closure_rows)
+        scratch, rows = self._inverse.take(), self.closure_rows
         if closure_forces is not None:
-            forces = check_array("closure_forces", closure_forces, forces.shape)
-        scratch = self._inverse.take()
-        scratch.set_closure_forces(forces)
+            scratch.set_closure_forces(check_array("closure_forces", closure_forces, (rows,)))
+        elif rows:
+            scratch.set_closure_forces(np.zeros(rows))
         self._place(scratch, q, qd, "qdd", qdd, self._vector)
         force = scratch.inverse_dynamics(scratch.state, scratch.third, placed)
         if not is_finite(force):

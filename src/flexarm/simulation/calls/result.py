@@ -81,8 +81,7 @@ def _channels_of_span(
 _SINGULAR = 1e-4
 
 
-#: Last results, with zeros as channels, because the next arm often has the same links, joints and
-#: channels.
+#: The last results, with zeros as channels: the next arm often has the same links and channels.
 _kept_labels: dict[tuple[object, ...], xr.Dataset] = {}
 _MOST_LABELS = 16
 
