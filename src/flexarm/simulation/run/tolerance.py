@@ -137,8 +137,7 @@ def fastest_frequencies(arm: Arm, states: FloatArray, least: float = 0.0) -> Flo
     to an event of a rigid arm would depend on the duration of the run.
     """
     c = arm.assembly.constants
-    if c.holds.any():
-        least = max(least, _sticking_frequency(arm))
+    least = max(least, _sticking_frequency(arm))
     found = np.zeros(len(states))
     if np.any(c.w2) or np.any(c.joint_stiffness):
         kernels, torque = KernelView(c), np.zeros(c.mass.size)
@@ -173,12 +172,13 @@ def friction_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
 def damping_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
     """Return the rate (1/s) at which viscous damping stops the joint that it stops fastest."""
     c = constants_with(arm, prescribed)
-    slope = c.joint_damping * c.free * (1.0 - c.holds)
-    return _fastest_decay(c, slope) if slope.any() else 0.0
+    return _fastest_decay(c, c.joint_damping * c.free * (1.0 - c.holds))
 
 
 def _fastest_decay(c: ArmConstants, slope: FloatArray) -> float:
     """Return the largest rate (1/s) of single joints under torques of ``slope`` (n,) per rate."""
+    if not slope.any():
+        return 0.0
     kernels, torque, rates = KernelView(c), np.zeros(c.mass.size), [0.0]
     state = kernels.zeros(2)
     still = kernels.forward_dynamics(state, torque)[:, 0].copy()
