@@ -35,7 +35,7 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.base.notebook import html_table
-from flexarm.kernels.layout import Stations, run_time_sizes
+from flexarm.kernels.layout import Stations
 from flexarm.kernels.observation.observables import energies, poses
 from flexarm.kernels.observation.shapes import axis_points, gauge_strains
 from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
@@ -117,7 +117,6 @@ class Arm(Dynamics):
             ]
             if coarse:
                 warn_caller(" ".join(coarse), AccuracyWarning)
-        self._sizes = run_time_sizes(self.assembly.constants)
         self._cuts: tuple[Cut, ...] = ()
         self._placed: tuple[int, Stations] | None = None
 
@@ -208,16 +207,8 @@ class Arm(Dynamics):
         placed = kept[1]
         state, body_poses, _ = self._poses(check_state(self, "q", q))
         points = np.zeros((self.n_links * stations, 2))
-        axis_points(
-            self._sizes,
-            state,
-            body_poses,
-            placed.body,
-            placed.x,
-            placed.rows,
-            placed.shortening,
-            points,
-        )
+        sizes, shapes = self.assembly.sizes, (placed.rows, placed.shortening)
+        axis_points(sizes, state, body_poses, placed.body, placed.x, *shapes, points)
         return points.reshape(self.n_links, stations, 2)
 
     @public_call
@@ -265,7 +256,7 @@ class Arm(Dynamics):
         shape = (2, self.assembly.bodies, 1 + self.assembly.modes)
         states = check_last_axes("states", states, shape, axes=4)
         strains = np.zeros((len(states), len(self.gauges)), dtype=states.dtype)
-        gauge_strains(self._sizes, states, self._gauge_bodies, self._gauge_rows, strains)
+        gauge_strains(self.assembly.sizes, states, self._gauge_bodies, self._gauge_rows, strains)
         return strains
 
     @public_call

@@ -14,14 +14,13 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, Piece
-from flexarm.arm.assembly.coordinates import station_of
+from flexarm.arm.assembly.coordinates import once_per_arm, station_of
 from flexarm.base.errors import LargeDeflectionWarning, warn_caller
 
 #: Error of a link relative to its length above which a state is reported: 10 % deflection of a link
@@ -128,15 +127,12 @@ def _paths(arm: Arm) -> list[tuple[list[int], list[float]]]:
     return paths
 
 
-#: Cached estimates for each arm's own theory.
-_of_arms: WeakKeyDictionary[Arm, BendingErrors] = WeakKeyDictionary()
+_errors_of = once_per_arm(BendingErrors)
 
 
 def theory_error(arm: Arm, states: FloatArray) -> str:
     """Describe the largest error of the theory in states (samples, 2, n, 1 + m); "" if small."""
-    if arm not in _of_arms:
-        _of_arms[arm] = BendingErrors(arm)
-    words = _description(arm, _of_arms[arm], states)
+    words = _description(arm, _errors_of(arm), states)
     if not words:
         return ""
     fact, link, error = words

@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, IntArray
-from flexarm.arm.assembly.coordinates import check_joint, coordinate_sizes
+from flexarm.arm.assembly.coordinates import check_joint, coordinate_sizes, once_per_arm
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.bending import bending_warning
+from flexarm.arm.dynamics import gaps_by_q
 from flexarm.base.arguments import as_list
 from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call, shown
 from flexarm.kernels.columns import GAP, GAP_RATE
@@ -105,6 +106,7 @@ class Motions(NamedTuple):
         raise np.linalg.LinAlgError("the loops do not close")
 
 
+@once_per_arm
 def row_sizes(arm: Arm) -> FloatArray:
     """Return gaps (rows,) of equal size: the reach, and one radian for angles."""
     turns = arm.assembly.constants.ends[:, 0] == ROW_ANGLE
@@ -123,6 +125,7 @@ def _rigid_coordinates(arm: Arm) -> IntArray:
     return np.array(sorted([*base, *arm.joint_index.tolist()]), dtype=np.intp)
 
 
+@once_per_arm
 def _ease(arm: Arm) -> FloatArray:
     """Return how far equal forces move the coordinates (dof,), compared to their sizes, at most 1.
 
@@ -156,10 +159,9 @@ def independent_motions(
     from scipy.linalg import qr
 
     J = arm.closure_jacobian(q)
-    sizes = coordinate_sizes(arm)
-    scaled = (J * sizes / row_sizes(arm)[:, None])[:, free]
+    scaled = _scaled(arm, J)[:, free]
     _refuse_dependent(arm, scaled)
-    ease = _ease(arm)
+    ease = _ease(arm).copy()
     if preferred is not None:
         ease[preferred] /= _FIRST**0.5
     order = qr(scaled * ease[free], mode="r", pivoting=True)[1]
@@ -182,9 +184,9 @@ def motions_of(arm: Arm, J: FloatArray, independent: IntArray, dependent: IntArr
 
 def _refuse_dependent(arm: Arm, scaled: FloatArray) -> None:
     """Raise if rows of a scaled Jacobian (rows, k) depend on each other."""
-    from scipy.linalg import qr, svdvals
+    from scipy.linalg import qr
 
-    values = svdvals(scaled) if scaled.size else np.zeros(1)
+    values = np.linalg.svd(scaled, compute_uv=False) if scaled.size else np.zeros(1)
     rank = int(np.count_nonzero(values > _DEPENDENT * values.max()))
     if rank == len(scaled):
         return
@@ -212,11 +214,19 @@ def refuse_open(arm: Arm, name: str, q: FloatArray, hint: str = _POSTURE) -> Non
             raise InputError(Problem(name, "close the loops", _gap(arm, gaps, largest), hint))
 
 
-def refuse_moving_apart(arm: Arm, name: str, q: FloatArray, qd: FloatArray) -> None:
-    """Raise if rates qd (dof,), an argument ``name``, do not keep the loops closed at q."""
-    if arm.closure_rows and np.any(qd):
-        hint = "fa.assembled(arm, q, qd) computes both."
-        _refuse_rates(arm, name, _scaled_jacobian(arm, q), qd, hint)
+def refuse_opening(
+    arm: Arm, names: tuple[str, str], q: FloatArray, qd: FloatArray, free: list[int] | None = None
+) -> None:
+    """Raise unless loops are closed at q (dof,), and rates qd, of these ``names``, keep them so.
+
+    Also if rows of closures depend on each other for the coordinates ``free``.
+    """
+    if arm.closure_rows:
+        refuse_open(arm, names[0], q)
+        J = _scaled(arm, arm.closure_jacobian(q))
+        _refuse_rates(arm, names[1], J, qd, "fa.assembled(arm, q, qd) computes both.")
+        if free is not None:
+            _refuse_dependent(arm, J[:, free])
 
 
 def _refuse_rates(arm: Arm, name: str, J: FloatArray, qd: FloatArray, hint: str) -> None:
@@ -281,21 +291,6 @@ def sized_gaps(arm: Arm, constants: ArmConstants, state: FloatArray) -> FloatArr
     return kernels.work.closure[:, [GAP, GAP_RATE]] / row_sizes(arm)[:, None] / [1.0, speed]
 
 
-def gap_rates_by_q(arm: Arm, q: FloatArray, qd: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the rates of the gaps (rows,) at q and qd, and their derivatives (rows, dof) by q."""
-    state = arm.padded(np.stack([q, qd])).astype(complex)
-    kernels = KernelView(arm.assembly.constants, complex)
-    by_q, flat = np.zeros((arm.closure_rows, arm.dof)), state[0].reshape(-1)
-    kernels.call(closure_gaps, state, kernels.work)
-    rates = kernels.work.closure[:, GAP_RATE].real.copy()
-    for k, place in enumerate(arm.assembly.coordinates):
-        flat[place] += 1j * STEP
-        kernels.call(closure_gaps, state, kernels.work)
-        flat[place] -= 1j * STEP
-        by_q[:, k] = kernels.work.closure[:, GAP_RATE].imag / STEP
-    return rates, by_q
-
-
 def by_independent(arm: Arm, state: FloatArray, slope: FloatArray) -> FloatArray:
     """Return the derivatives (2, dof) of a function of q and qd, along the closures.
 
@@ -308,7 +303,7 @@ def by_independent(arm: Arm, state: FloatArray, slope: FloatArray) -> FloatArray
         return slope
     by_q, by_qd = slope
     # The rates keep J qd = 0 while q moves.
-    by_q = by_q - by_qd[motions.dependent] @ motions.solver @ gap_rates_by_q(arm, *state)[1]
+    by_q = by_q - by_qd[motions.dependent] @ motions.solver @ gaps_by_q(arm, state, GAP_RATE)
     along = np.zeros_like(slope)
     along[:, motions.independent] = motions.forces(by_q), motions.forces(by_qd)
     return along
@@ -379,7 +374,7 @@ def assembled(
     if not arm.closure_rows:
         return AssembledState(q, qd, np.zeros(0), mobility, mobility)
     q, movable = closed_posture(arm, q, fixed)
-    J = _scaled_jacobian(arm, q)
+    J = _scaled(arm, arm.closure_jacobian(q))
     sizes, ease = coordinate_sizes(arm), np.minimum(_FIRST * _ease(arm)[movable], 1.0)
     to_rates = ease[:, None] * np.linalg.pinv(J[:, movable] * ease, rcond=_DEPENDENT)
     qd[movable] -= sizes[movable] * (to_rates @ (J @ (qd / sizes)))
@@ -416,8 +411,9 @@ def _remaining(arm: Arm, q: FloatArray, hint: str) -> InputError:
     return InputError(Problem("the loops", f"cannot be closed: {gap} is left", hint=hint))
 
 
-def _scaled_jacobian(arm: Arm, q: FloatArray) -> FloatArray:
-    return np.asarray(arm.closure_jacobian(q) * coordinate_sizes(arm) / row_sizes(arm)[:, None])
+def _scaled(arm: Arm, J: FloatArray) -> FloatArray:
+    """Return a Jacobian J (rows, dof) of rows and coordinates of equal size."""
+    return np.asarray(J * coordinate_sizes(arm) / row_sizes(arm)[:, None])
 
 
 def _close(arm: Arm, q: FloatArray, movable: IntArray) -> float:
@@ -434,7 +430,7 @@ def _close(arm: Arm, q: FloatArray, movable: IntArray) -> float:
             best, reached = size, q.copy()
         if size <= _ROUNDING or stalled > _PATIENCE or not movable.size:
             break
-        J = _scaled_jacobian(arm, q)[:, movable]
+        J = _scaled(arm, arm.closure_jacobian(q))[:, movable]
         step = -ease * (np.linalg.pinv(J * ease, rcond=_DEPENDENT) @ gaps)
         step *= min(1.0, _LARGEST / max(float(np.max(np.abs(step))), 1e-300))
         q[movable] += sizes * step

@@ -45,11 +45,15 @@ class Dynamics(Coordinates):
         self._forward = Pool(lambda: Scratch(a, (a.bodies,), a.joint_body))
         self._inverse = Pool(lambda: Scratch(a, (a.bodies, 1 + a.modes), a.coordinates))
         self._jacobian = Pool(lambda: _Jacobian(self))
+        self._perturbed = Pool(lambda: KernelView(a.constants, complex))
 
     def _state(self, q: ArrayLike, qd: ArrayLike | None) -> FloatArray:
-        coordinates = check_array("q", q, (self.dof,))
-        rates = np.zeros(self.dof) if qd is None else check_array("qd", qd, (self.dof,))
-        return self.padded(np.stack([coordinates, rates]))
+        a = self.assembly
+        state = np.zeros((2, a.bodies * (1 + a.modes)))
+        state[0, a.coordinates] = check_array("q", q, self._vector)
+        if qd is not None:
+            state[1, a.coordinates] = check_array("qd", qd, self._vector)
+        return state.reshape(2, a.bodies, 1 + a.modes)
 
     def _place(
         self,
@@ -173,11 +177,11 @@ class Dynamics(Coordinates):
         closure_forces: ArrayLike | None,
     ) -> Scratch:  # fmt: skip
         """Return scratch with the inverse dynamics in its workspace; the caller must return it."""
-        forces = np.zeros(self.closure_rows)
+        scratch, rows = self._inverse.take(), self.closure_rows
         if closure_forces is not None:
-            forces = check_array("closure_forces", closure_forces, forces.shape)
-        scratch = self._inverse.take()
-        scratch.set_closure_forces(forces)
+            scratch.set_closure_forces(check_array("closure_forces", closure_forces, (rows,)))
+        elif rows:
+            scratch.set_closure_forces(np.zeros(rows))
         self._place(scratch, q, qd, "qdd", qdd, self._vector)
         force = scratch.inverse_dynamics(scratch.state, scratch.third, placed)
         if not is_finite(force):
@@ -243,23 +247,18 @@ class Dynamics(Coordinates):
         In the order of ``closures``: of a pin x and y of the first point from the second (m, world
         axes), of a weld also the angle (rad), of a line or curve the distance from it (m).
         """
-        kernels = KernelView(self.assembly.constants)
-        kernels.call(closure_gaps, self._state(q, None), kernels.work)
-        return kernels.work.closure[:, GAP].copy()
+        state, kernels = self._state(q, None), self._kernels.take()
+        kernels.call(closure_gaps, state, kernels.work)
+        gaps = kernels.work.closure[:, GAP].copy()
+        if is_finite(gaps):
+            self._kernels.append(kernels)
+        return gaps
 
     @public_call
     def closure_jacobian(self, q: ArrayLike) -> FloatArray:
         """Return the derivatives (closure_rows, dof) of ``closure_gaps``, exact to rounding."""
-        state = self._state(q, None).astype(complex)
-        kernels = KernelView(self.assembly.constants, complex)
-        columns = np.zeros((self.closure_rows, self.dof))
-        flat = state[0].reshape(-1)
-        for k, place in enumerate(self.assembly.coordinates):
-            flat[place] += 1j * STEP
-            kernels.call(closure_gaps, state, kernels.work)
-            flat[place] -= 1j * STEP
-            columns[:, k] = kernels.work.closure[:, GAP].imag / STEP
-        return columns
+        coordinates = check_array("q", q, self._vector)
+        return gaps_by_q(self, np.stack([coordinates, np.zeros(self.dof)]), GAP)
 
     @public_call
     def closure_forces(
@@ -374,6 +373,21 @@ class Dynamics(Coordinates):
             flat.take(kernels.places_qd).T,
             kernels.by_torque.take(kernels.places_torque),
         )
+
+
+def gaps_by_q(arm: Dynamics, state: FloatArray, column: int) -> FloatArray:
+    """Return derivatives (rows, dof) by q of a ``column`` of closures at q and qd (2, dof)."""
+    kernels, states = arm._perturbed.take(), arm.padded(state).astype(complex)
+    slopes = np.zeros((arm.closure_rows, arm.dof))
+    flat, changes = states[0].reshape(-1), kernels.work.closure[:, column].imag
+    for k, place in enumerate(arm.assembly.coordinates.tolist()):
+        flat[place] += 1j * STEP
+        kernels.call(closure_gaps, states, kernels.work)
+        flat[place] -= 1j * STEP
+        slopes[:, k] = changes
+    if is_finite(slopes):
+        arm._perturbed.append(kernels)
+    return slopes / STEP
 
 
 class _Jacobian(KernelView):

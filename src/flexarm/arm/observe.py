@@ -15,7 +15,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.kernels.forces.contact import ENERGY, FORCE, GAP, look_many
-from flexarm.kernels.layout import LOOK_COLUMNS, Contacts, run_time_sizes
+from flexarm.kernels.layout import LOOK_COLUMNS, Contacts
 from flexarm.kernels.observation.observables import POSE_COLUMNS, observe_many, poses_many
 
 _ENERGIES = {"kinetic_energy", "strain_energy", "gravity_energy"}
@@ -107,7 +107,7 @@ def _observed(
     poses = np.empty((count, arm.assembly.bodies, POSE_COLUMNS), dtype=states.dtype)
     tips = np.empty((count, 6), dtype=states.dtype)
     energy = np.zeros((count, 3), dtype=states.dtype)
-    sizes = run_time_sizes(constants)
+    sizes = arm.assembly.sizes
     if energies:
         observe_many(sizes, constants, states, poses, tips, energy)
     else:

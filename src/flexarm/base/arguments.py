@@ -67,8 +67,8 @@ def check_list_of(name: str, value: object, kind: type[T]) -> list[T]:
 
 def check_positive(name: str, value: object, unit: str = "") -> float:
     """Return a finite number greater than zero; ``unit`` is its unit in the message."""
-    if type(value) is float and _SMALLEST <= value < math.inf:
-        return value
+    if (type(value) is float or type(value) is int) and _SMALLEST <= value < 2.0**63:
+        return float(value)
     rule = f"be greater than 0 {unit}".rstrip()
     return check_number(name, value, lambda number: number >= _SMALLEST, rule)
 

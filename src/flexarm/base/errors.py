@@ -454,7 +454,8 @@ def check_array(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.
     """
     import numpy as np
 
-    if type(value) is np.ndarray and value.dtype.kind == "f" and value.shape == shape:
+    exact = shape if shape != (-1,) else (getattr(value, "size", 0),)
+    if type(value) is np.ndarray and value.dtype.kind == "f" and value.shape == exact:
         if np.count_nonzero(np.isfinite(value)) == value.size:  # fast path for the most common case
             return value.astype(np.float64)
     elif type(value) is float and shape == () and math.isfinite(value):

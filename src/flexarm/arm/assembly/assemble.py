@@ -26,7 +26,7 @@ from flexarm.kernels.columns import (
     IS_FREE,
     IS_TREE,
 )
-from flexarm.kernels.layout import ArmConstants, empty_constants
+from flexarm.kernels.layout import ArmConstants, Sizes, empty_constants, run_time_sizes
 from flexarm.kernels.recursion.closures import ROWS
 from flexarm.model import ArmSpec, Base, Joint, Link, RayleighDamping, Surface
 
@@ -113,6 +113,11 @@ class Assembly:
         return self.constants._replace(arm=arm)
 
     @cached_property
+    def sizes(self) -> Sizes:
+        """Loop lengths of kernels with the ``run_constants``, as values at run time."""
+        return run_time_sizes(self.run_constants)
+
+    @cached_property
     def joint_body(self) -> IntArray:
         """Bodies that the motors rotate, (joints,)."""
         return np.array([seat.body for seat in self.seats], dtype=np.intp)
@@ -122,12 +127,12 @@ class Assembly:
         """Indices of the joint angles in q, (joints,)."""
         return np.array([seat.angle for seat in self.seats], dtype=np.intp)
 
-    @property
+    @cached_property
     def bodies(self) -> int:
         """Number of bodies n, including a payload offset from the tip."""
         return int(self.constants.mass.size)
 
-    @property
+    @cached_property
     def modes(self) -> int:
         """Number of modes m to which each body is padded, with one for bristles."""
         return int(self.constants.S.shape[1])

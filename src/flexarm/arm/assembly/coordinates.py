@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import cached_property, wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,29 @@ from flexarm.arm.items import items_of
 from flexarm.base.arguments import as_list, check_last_axes, check_posture
 from flexarm.base.errors import InputError, Problem, check_array, is_count, public_call, shown
 from flexarm.model import ArmSpec, Joint, Link
+
+A = TypeVar("A", bound="Coordinates")
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def once_per_arm(function: Callable[Concatenate[A, P], R]) -> Callable[Concatenate[A, P], R]:
+    """Keep results of a function of an arm and of hashable arguments, because arms are constant.
+
+    Arrays are read-only.
+    """
+
+    @wraps(function)
+    def call(arm: A, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        results: dict[Any, R] = vars(arm).setdefault("_results", {})
+        key = function, args, *kwargs.items()
+        if key not in results:
+            result = results[key] = function(arm, *args, **kwargs)
+            if isinstance(result, np.ndarray):
+                result.setflags(write=False)
+        return results[key]
+
+    return call
 
 
 def check_joint(arm: Coordinates, name: str, joint: object) -> int:
@@ -50,6 +74,7 @@ def check_state(arm: Coordinates, name: str, value: Any) -> FloatArray:
     return check_array(name, value, (arm.dof,))
 
 
+@once_per_arm
 def modal_size(arm: Coordinates) -> float:
     """Return the modal coordinate (m kg^0.5) that counts as much as an angle of one radian."""
     # It is the reach times the square root of the mass of the arm, so that norms of coordinates do
@@ -70,12 +95,14 @@ def station_of(spec: ArmSpec, link: int) -> float:
     return length if station is None else min(station, length)
 
 
+@once_per_arm
 def turning_joints(arm: Coordinates) -> NDArray[np.bool_]:
     """Return which of the joints that are not fixed turn, (joints,); the others slide."""
     kinds = [arm.spec.joints[seat.link].kind for seat in arm.assembly.seats]
     return np.array([kind == "revolute" for kind in kinds], dtype=bool)
 
 
+@once_per_arm
 def coordinate_sizes(arm: Coordinates) -> FloatArray:
     """Return coordinates (dof,) of equal size: one radian, and ``modal_size`` for modes."""
     # Coordinates of joints and bases that slide have the reach.
@@ -102,7 +129,7 @@ class Coordinates:
         self.spec = spec
         self.assembly = assembly
 
-    @property
+    @cached_property
     def dof(self) -> int:
         """Number of coordinates: joints and modes."""
         return int(self.assembly.coordinates.size)
@@ -117,7 +144,7 @@ class Coordinates:
         """Joints at the roots of the links, fixed ones included; indices as for `links`."""
         return items_of(self.spec.joints, "joints", self.n_joints)
 
-    @property
+    @cached_property
     def n_joints(self) -> int:
         """Number of joints that are not fixed, and so of joint angles and torques."""
         return len(self.assembly.seats)
@@ -147,7 +174,7 @@ class Coordinates:
         """Lengths of the links from root to tip, without their hubs, (links,) m."""
         return np.array([link.length for link in self.spec.links])
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """Distance from the base to the furthest tip of the straight links in line, m."""
         if self.spec.is_serial:

@@ -20,15 +20,11 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import check_state
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.bending import one_warning
-from flexarm.arm.closed import (
-    gap_rates_by_q,
-    independent_motions,
-    least_forces,
-    refuse_moving_apart,
-    refuse_open,
-)
+from flexarm.arm.closed import independent_motions, least_forces, refuse_opening
+from flexarm.arm.dynamics import gaps_by_q
 from flexarm.arm.observe import channels_of, contact_channels
 from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call
+from flexarm.kernels.columns import GAP_RATE
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import Loads
 from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
@@ -143,8 +139,7 @@ def _operating_point(
         raise InputError(Problem("torque, loads and contacts", rule))
     rates = np.zeros(arm.dof) if qd is None else check_array("qd", qd, (arm.dof,))
     place = q.q if isinstance(q, Equilibrium) else check_state(arm, "q", q)
-    refuse_open(arm, "q", place)
-    refuse_moving_apart(arm, "qd", place, rates)
+    refuse_opening(arm, ("q", "qd"), place, rates)
     if isinstance(q, Equilibrium):
         own = replace(q.environment, base_acceleration=environment.base_acceleration)
         return _Point(place, rates, q.torque.copy(), own)
@@ -187,7 +182,7 @@ class _Perturbed:
         directions = np.zeros((2, Z.shape[1], 2 * dof))
         directions[0, :, :dof] = directions[1, :, dof:] = Z.T
         if motions.basis is not None:
-            by_q = gap_rates_by_q(self.arm, self.point.q, self.point.qd)[1]
+            by_q = gaps_by_q(self.arm, np.stack([self.point.q, self.point.qd]), GAP_RATE)
             directions[0, :, dof + motions.dependent] = -motions.solver @ by_q @ Z
         return directions.reshape(self.size, 2 * dof)
 

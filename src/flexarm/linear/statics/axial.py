@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, Piece
-from flexarm.arm.assembly.coordinates import carriers_of
+from flexarm.arm.assembly.coordinates import carriers_of, once_per_arm
 from flexarm.arm.bending import bending_warning, warn_of_first
 from flexarm.arm.closed import stiffness_of
 from flexarm.arm.observe import contact_forces, poses_of
@@ -36,10 +35,7 @@ _NEGLIGIBLE = 0.01
 _SAMPLES = 8
 _PAGE = "see docs/how-to/large-deflection.md."
 _NO_FORCES: FloatArray = np.zeros(0)
-
-
-#: Arms with the second-order theory, which have the same coordinates.
-_second_orders: WeakKeyDictionary[Arm, Arm] = WeakKeyDictionary()
+_QUARTER: FloatArray = np.array([-1.0, 1.0])
 
 
 def geometric_stiffness(
@@ -58,11 +54,14 @@ def geometric_stiffness(
     if not closure_forces.size and np.abs(shares).max(initial=0.0) < _NEGLIGIBLE:
         return nothing
     loads = [*environment.loads, *_contact_loads(arm, q, environment.contacts)]
-    second = _second_orders.get(arm)
-    if second is None:
-        second = _second_orders[arm] = Arm(arm.spec.replace(theory="second_order"))
-    stiff, plain = (stiffness_of(a, q, closure_forces, loads) for a in (second, arm))
+    stiff, plain = (stiffness_of(a, q, closure_forces, loads) for a in (_second_order(arm), arm))
     return stiff - plain
+
+
+@once_per_arm
+def _second_order(arm: Arm) -> Arm:
+    """Return the arm with the second-order theory, which has the same coordinates."""
+    return Arm(arm.spec.replace(theory="second_order"))
 
 
 def _contact_loads(arm: Arm, q: FloatArray, contacts: Sequence[Contact]) -> list[Load]:
@@ -87,9 +86,9 @@ class AxialLoads:
     def __init__(self, arm: Arm) -> None:
         constants = arm.assembly.constants
         self._arm = arm
-        self._pieces = [piece for piece in arm.assembly.pieces if piece.shapes.w2.size]
-        self._gains = np.array([_gains(piece) for piece in self._pieces]).reshape(-1, 3)
-        slowest = np.array([piece.shapes.w2[0] for piece in self._pieces])
+        self.pieces = [piece for piece in arm.assembly.pieces if piece.shapes.w2.size]
+        self.gains = np.array([_gains(piece) for piece in self.pieces]).reshape(-1, 3)
+        slowest = np.array([piece.shapes.w2[0] for piece in self.pieces])
         self._periods = 2.0 * np.pi / np.sqrt(np.maximum(slowest, np.finfo(float).tiny))
         body = constants.body
         self._tip = body[:, TIP_MASS], body[:, TIP_MASS] * body[:, LENGTH]
@@ -97,11 +96,13 @@ class AxialLoads:
         self._moment = body[:, FIRST_MOMENT_X] + self._tip[1]
         self._gravity = np.asarray(arm.spec.gravity, dtype=float)
         self._carriers = carriers_of(arm)
-        self._sliding = np.flatnonzero(constants.slides)
+        self._sliding = np.flatnonzero(constants.slides).tolist()
+        self._bodies = np.array([piece.body for piece in self.pieces], dtype=np.intp)
+        self._offset = np.array([piece.offset for piece in self.pieces])
 
     def shares(self, times: FloatArray, states: FloatArray, acting: Acting) -> FloatArray:
         """Return the shares (samples, pieces), averages over the lowest period of each piece."""
-        if not self._pieces:
+        if not self.pieces:
             return np.zeros((len(times), 0))
         poses = poses_of(self._arm, states)
         place, angle, rate = poses[:, :, :2], poses[:, :, 2], poses[:, :, 5]
@@ -127,21 +128,19 @@ class AxialLoads:
             outboard[:, b] += carried[:, b]
             if (a := self._carriers[b]) >= 0:
                 carried[:, a] += outboard[:, b]
-        found = np.zeros((len(times), len(self._pieces)))
-        for k, piece in enumerate(self._pieces):
-            b, (tip, uniform, spinning) = piece.body, self._gains[k]
-            t, spin = along[:, b], rate[:, b] ** 2
-            field = -(root[:, b] * t).sum(axis=1)
-            pull = self._tip[0][b] * field + self._tip[1][b] * spin
-            pull = pull - (carried[:, b] * t).sum(axis=1)
-            for body, x, force in forces:
-                if body == b:
-                    ratio = min(max((x - piece.offset) / piece.shapes.length, 0.0), 1.0)
-                    # Part of the shortening inboard of the load, for Euler's buckling mode.
-                    part = ratio - np.sin(np.pi * ratio) / np.pi
-                    pull = pull + part * (force * t).sum(axis=1)
-            found[:, k] = tip * pull + uniform * (field + piece.offset * spin) + spinning * spin
-        return self._averaged(times, found)
+        bodies, (tip, uniform, spinning) = self._bodies, self.gains.T
+        t, spin = along[:, bodies], rate[:, bodies] ** 2
+        field = -(root[:, bodies] * t).sum(axis=2)
+        pull = self._tip[0][bodies] * field + self._tip[1][bodies] * spin
+        pull -= (carried[:, bodies] * t).sum(axis=2)
+        for body, x, force in forces:
+            for k in np.flatnonzero(bodies == body):
+                ratio = min(max((x - self._offset[k]) / self.pieces[k].shapes.length, 0.0), 1.0)
+                # Part of the shortening inboard of the load, for Euler's buckling mode.
+                part = ratio - np.sin(np.pi * ratio) / np.pi
+                pull[:, k] += part * (force * t[:, k]).sum(axis=1)
+        shares = tip * pull + uniform * (field + self._offset * spin) + spinning * spin
+        return self._averaged(times, shares)
 
     def _slid(
         self, times: FloatArray, b: int, states: FloatArray, angle: FloatArray, rate: FloatArray
@@ -160,20 +159,22 @@ class AxialLoads:
         if k >= len(times):
             return np.zeros_like(rate)
         middle = (rate[k:] - rate[:-k]) / (times[k:] - times[:-k])[:, None]
-        return np.pad(middle, ((k // 2, k - k // 2), (0, 0)), mode="edge")
+        places = np.arange(len(times)) - k // 2
+        return np.asarray(middle[np.minimum(np.maximum(places, 0), len(middle) - 1)])
 
     def _averaged(self, times: FloatArray, shares: FloatArray) -> FloatArray:
         found = np.empty_like(shares)
         for k, period in enumerate(self._periods):
             width = min(_window(times, float(period)), len(times))
-            total = np.concatenate([[0.0], np.cumsum(shares[:, k])])
+            total = np.zeros(len(times) + 1)
+            np.cumsum(shares[:, k], out=total[1:])
             means = (total[width:] - total[:-width]) / width
-            found[:, k] = np.pad(means, (0, len(times) - len(means)), mode="edge")
+            found[: len(means), k], found[len(means) :, k] = means, means[-1]
         return found
 
     def describe(self, times: FloatArray, states: FloatArray, acting: Acting) -> str:
         """Describe the largest axial load of a link in states (samples, 2, n, 1 + m), or ""."""
-        if not len(times) or not self._pieces:
+        if not len(times) or not self.pieces:
             return ""
         if not acting.changing:  # a few samples in each period are enough
             stride = max(1, _window(times, float(self._periods.min())) // _SAMPLES)
@@ -185,7 +186,7 @@ class AxialLoads:
         share = float(extreme[worst])
         if not abs(share) > LARGEST_SHARE:
             return ""
-        link = self._pieces[worst].link
+        link = self.pieces[worst].link
         name = f"link {link + 1}"
         if self._arm.spec.links[link].segments > 1:
             name = f"a segment of {name}"
@@ -207,7 +208,7 @@ def _window(times: FloatArray, period: float) -> int:
 
 def _turned(vectors: FloatArray) -> FloatArray:
     """Return vectors (..., 2) turned by a right angle."""
-    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
+    return vectors[..., ::-1] * _QUARTER
 
 
 def _gains(piece: Piece) -> list[float]:
@@ -255,18 +256,16 @@ class Acting:
         return found
 
 
-#: Cached estimates for each arm of the linear theory.
-_of_arms: WeakKeyDictionary[Arm, AxialLoads] = WeakKeyDictionary()
+_estimate = once_per_arm(AxialLoads)
 
 
 def closure_warning(arm: Arm, forces: FloatArray) -> str:
     """Describe the largest force of a closure beside the buckling load of its links, or ""."""
     if arm.spec.theory != "linear" or not forces.size:
         return ""
-    gains = dict.fromkeys(range(arm.n_links), 0.0)
-    for piece in arm.assembly.pieces:
-        if piece.shapes.w2.size:
-            gains[piece.link] = max(gains[piece.link], _gains(piece)[0])
+    estimate, gains = _estimate(arm), dict.fromkeys(range(arm.n_links), 0.0)
+    for piece, (gain, *_) in zip(estimate.pieces, estimate.gains.tolist(), strict=True):
+        gains[piece.link] = max(gains[piece.link], gain)
     numbers, largest = np.array(arm.closure_numbers), np.abs(forces).max(axis=0)
     for number, closure in enumerate(arm.spec.closures, start=1):
         rows = np.flatnonzero(numbers == number)[:2]  # not the moment of a weld
@@ -287,13 +286,6 @@ def axial_warning(arm: Arm, times: FloatArray, states: FloatArray, acting: Actin
     if arm.spec.theory != "linear":
         return ""
     return _estimate(arm).describe(times, states, acting)
-
-
-def _estimate(arm: Arm) -> AxialLoads:
-    estimate = _of_arms.get(arm)
-    if estimate is None:
-        estimate = _of_arms[arm] = AxialLoads(arm)
-    return estimate
 
 
 def _at_rest(

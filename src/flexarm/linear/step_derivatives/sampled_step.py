@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, IntArray
 from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.arm.closed import refuse_moving_apart, refuse_open
+from flexarm.arm.closed import refuse_opening
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem, check_array, problems_of, public_call, shown
 from flexarm.integrate import INTEGRATORS, REMOVED
@@ -97,8 +97,7 @@ def step_jacobian(
     warn_of_bristles(arm, "the step")
     parameters = check_list_of("parameters", parameters, str)
     state = [check_array(n, v, (arm.dof,)) for n, v in (("q", q), ("qd", qd))]
-    refuse_open(arm, "q", state[0])
-    refuse_moving_apart(arm, "qd", *state)
+    refuse_opening(arm, ("q", "qd"), state[0], state[1])
     held = check_array("torque", torque, (arm.n_joints,))
     step_of = stepper_of(arm, method, step)
     x, tau = np.concatenate(state), arm.padded_torque(held)

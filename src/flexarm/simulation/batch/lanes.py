@@ -37,7 +37,7 @@ from flexarm.integrate.memory import (
 )
 from flexarm.kernels.columns import IS_FREE
 from flexarm.kernels.compilation.cache import has_number_types
-from flexarm.kernels.layout import ArmConstants, Array, Contacts, Loads, run_time_sizes
+from flexarm.kernels.layout import ArmConstants, Array, Contacts, Loads
 from flexarm.model.scenarios.scenario import DURATION
 from flexarm.simulation.batch.execution import Alone, Batch, OpenLoop, Outcome, attempt
 from flexarm.simulation.calls.limits import deep_contact
@@ -426,7 +426,7 @@ class OpenLanes(Lanes):
 
 def _structure(run: Ready) -> tuple[int, ...]:
     """Return numbers that are equal for runs in lanes of one pack."""
-    sizes = run_time_sizes(run.arm.assembly.constants)
+    sizes = run.arm.assembly.sizes
     order = *sizes.joints.ravel().tolist(), *sizes.ends.ravel().tolist()
     placed = run.loads.placed
     bodies = *placed.body.tolist(), -1, *placed.contacts.body.tolist()

@@ -235,12 +235,12 @@ def notices_of(run: Run, limits: Sequence[str], failure: str) -> Notices:
 
     Loads and limits of a run with a ``failure`` are those of a motion that no arm makes.
     """
-    bent = (theory_error(part.arm, part.samples) for _, part in run.parts())
+    parts = [part for _, part in run.parts()]
+    bent = (theory_error(part.arm, part.samples) for part in parts)
     notices: Notices = [(next(filter(None, bent), ""), LargeDeflectionWarning)]
-    parts = [] if failure else run.parts()
     pulled = (
         axial_load(part.arm, part.sample_times, part.samples[: part.progress.sample], part.loads)
-        for _, part in parts
+        for part in (() if failure else parts)
     )
     notices += [(next(filter(None, pulled), ""), LargeDeflectionWarning)]
     notices += [] if failure else [(text, LimitWarning) for text in limits]

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from inspect import signature
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.actions import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
-from flexarm.arm.closed import independent_motions, refuse_moving_apart, refuse_open
+from flexarm.arm.closed import refuse_opening
 from flexarm.base.arguments import (
     about_degrees,
     check_function,
@@ -276,19 +277,22 @@ def torque_history(
     return driven
 
 
+#: The start of each mechanism, with prescribed joints, that was accepted last.
+_closed: WeakKeyDictionary[Arm, tuple[bytes, tuple[int, ...]]] = WeakKeyDictionary()
+
+
 def check_loops(arm: Arm, state: FloatArray, prescribed: Collection[int] = ()) -> None:
     """Raise unless a state closes all loops, keeps them closed, and leaves closures independent.
 
     Joints with a prescribed motion, by number, do not help to close a loop.
     """
-    if not arm.closure_rows:
-        return
-    q, qd = arm.unpadded(state)
-    refuse_open(arm, "initial", q)
-    refuse_moving_apart(arm, "initial_rate", q, qd)
-    joints = zip(arm.joint_index.tolist(), arm.joint_numbers.tolist(), strict=True)
-    held = [index for index, number in joints if number in prescribed]
-    independent_motions(arm, q, np.setdiff1d(np.arange(arm.dof), held))
+    start = state.tobytes(), tuple(prescribed)
+    if arm.closure_rows and _closed.get(arm) != start:
+        driven = arm.joint_index[np.isin(arm.joint_numbers, start[1])].tolist()
+        free = [index for index in range(arm.dof) if index not in driven]
+        q, qd = arm.unpadded(state)
+        refuse_opening(arm, ("initial", "initial_rate"), q, qd, free)
+        _closed[arm] = start
 
 
 def integrator_of(arm: Arm, **arguments: Any) -> Choice:
@@ -405,9 +409,7 @@ def initial_state(
     arm: Arm, q: ArrayLike | None, qd: ArrayLike | None, straight: FloatArray
 ) -> FloatArray:
     """Return the state (2, n, 1 + m) for coordinates and rates (dof,)."""
-    if q is None:
-        q = arm.rest(straight)
-    given = check_array("initial", q, (-1,))
+    given = check_array("initial", arm.rest(straight) if q is None else q, (-1,))
     if given.size != arm.dof:
         hint = "Arm.rest(joint_angles) gives the coordinates of straight links."
         rule = f"have shape ({arm.dof},) for the coordinates of the arm"

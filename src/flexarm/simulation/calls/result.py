@@ -6,13 +6,12 @@ import platform
 from collections.abc import Collection, Mapping
 from functools import cache, lru_cache
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, NamedTuple
-from weakref import WeakKeyDictionary
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.coordinates import turning_joints
+from flexarm.arm.assembly.coordinates import once_per_arm, turning_joints
 from flexarm.arm.observe import bristle_channel, channels_of, contact_channels
 from flexarm.base.errors import (
     AccuracyWarning,
@@ -59,11 +58,11 @@ def _channels_of_span(
 ) -> dict[str, FloatArray]:
     count = run.progress.sample
     times, states = run.sample_times[:count], run.samples[:count]
-    by_forces = names is None or run.prescribed or run.arm.closure_rows
-    if names is not None and not by_forces and not BY_FORCES.intersection(names):
-        found = channels_of(run.arm, states, names) | bristle_channel(run.arm, states)
-        return found | {"torque": given}
-    channels = channels_of(run.arm, states) | bristle_channel(run.arm, states)
+    if run.prescribed or run.arm.closure_rows or not BY_FORCES.isdisjoint(names or ()):
+        names = None
+    channels = channels_of(run.arm, states, names) | bristle_channel(run.arm, states)
+    if names is not None:
+        return channels | {"torque": given}
     motor, force, moment, inside, closing = run.reactions(times, channels["link_angle"], given)
     channels |= {"torque": motor, "joint_force": force, "joint_moment": moment}
     channels |= section_channels(inside)
@@ -89,19 +88,9 @@ def _channels_of_span(
 _SINGULAR = 1e-4
 
 
-class _Labels(NamedTuple):
-    """Dimensions, coordinates and attributes of a result, by variable."""
-
-    times: FloatArray
-    variables: dict[Any, xr.Variable]  # those of channels have placeholder data
-    indexes: dict[Any, Any]  # of the coordinates, which are the other variables
-    sizes: dict[Any, int]
-
-
-#: Labels of the last results, because the next arm often has the same links, joints and channels.
-_kept_labels: dict[tuple[object, ...], _Labels] = {}
+#: The last results, with zeros as channels: the next arm often has the same links and channels.
+_kept_labels: dict[tuple[object, ...], xr.Dataset] = {}
 _MOST_LABELS = 16
-_texts: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
 
 
 @cache
@@ -113,12 +102,10 @@ def software_versions() -> str:
     return ", ".join([f"Python {platform.python_version()}", *packages, system])
 
 
+@once_per_arm
 def arm_text(arm: Arm) -> str:
-    """Return the text of an arm's file, cached for each arm."""
-    text = _texts.get(arm)
-    if text is None:
-        text = _texts[arm] = file_text(arm.spec)
-    return text
+    """Return the text of an arm's file."""
+    return file_text(arm.spec)
 
 
 def arm_of(name: str, result: xr.Dataset) -> Arm:
@@ -151,7 +138,7 @@ def make_result(
     return dataset
 
 
-def _with_values(labels: _Labels, values: dict[str, FloatArray]) -> xr.Dataset:
+def _with_values(labels: xr.Dataset, values: dict[str, FloatArray]) -> xr.Dataset:
     """Return a dataset of its own with the labels, and with the values of its channels.
 
     ``Dataset.copy(data=values)`` copies and checks every variable several times, which takes a
@@ -166,32 +153,35 @@ def _with_values(labels: _Labels, values: dict[str, FloatArray]) -> xr.Dataset:
         else variable.copy(deep=False)
         for name, variable in labels.variables.items()
     }
-    names, indexes = set(labels.indexes), dict(labels.indexes)
+    indexes, sizes = dict(labels.xindexes), dict(labels.sizes)
     try:
-        return xr.Dataset._construct_direct(variables, names, dict(labels.sizes), indexes=indexes)
+        return xr.Dataset._construct_direct(variables, set(indexes), sizes, indexes=indexes)
     except (AttributeError, TypeError):  # another version of xarray
-        coordinates = {name: variables.pop(name) for name in names}
+        coordinates = {name: variables.pop(name) for name in indexes}
         return xr.Dataset(variables, coords=coordinates)
 
 
-def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> _Labels:
-    """Return the labels of a result: those of an earlier one with the same labels, or new ones."""
+def _labels(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.Dataset:
+    """Return a dataset with the labels of a result: an earlier one with the same, or a new one."""
     shapes = {name: array.shape for name, array in values.items()}
-    numbers = tuple(arm.joint_numbers.tolist())
-    names = (*_coordinate_names(arm), *turning_joints(arm).tolist())
-    key = (names, numbers, arm.n_links, _gauge_names(arm), _closure_names(arm), *shapes.items())
+    key = _names_of(arm), times.tobytes(), *shapes.items()
     labels = _kept_labels.get(key)
-    if labels is None or not np.array_equal(labels.times, times):
+    if labels is None:
         times = times.copy()
         times.setflags(write=False)  # results share the time index
         nothing = {name: np.broadcast_to(0.0, shape) for name, shape in shapes.items()}
-        dataset = _labelled(arm, times, nothing)
-        parts = dict(dataset.variables), dict(dataset.xindexes), dict(dataset.sizes)
-        labels = _Labels(times, *parts)
-        _kept_labels[key] = labels
+        labels = _kept_labels[key] = _labelled(arm, times, nothing)
         for oldest in list(_kept_labels)[:-_MOST_LABELS]:
             _kept_labels.pop(oldest, None)  # another thread may have removed it
     return labels
+
+
+@once_per_arm
+def _names_of(arm: Arm) -> tuple[object, ...]:
+    """Return what determines the labels of the results of an arm with some channels."""
+    numbers = tuple(arm.joint_numbers.tolist())
+    names = (*_coordinate_names(arm), *turning_joints(arm).tolist())
+    return names, numbers, arm.n_links, _gauge_names(arm), _closure_names(arm)
 
 
 def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.Dataset:

@@ -265,7 +265,7 @@ def _observed(
     arm: Arm, run: DualRun, states: DualArray, energies: bool
 ) -> tuple[DualArray, DualArray, DualArray, DualArray | None]:
     """Return poses, tips, energies and strains of states (samples, 2, n, 1 + m)."""
-    count, sizes = states.shape[0], run_time_sizes(arm.assembly.run_constants)
+    count, sizes = states.shape[0], arm.assembly.sizes
     poses: DualArray = Duals.zeros(count, arm.assembly.bodies, POSE_COLUMNS)
     tips: DualArray = Duals.zeros(count, 6)
     energy: DualArray = Duals.zeros(count, 3)

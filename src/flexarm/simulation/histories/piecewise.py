@@ -492,7 +492,7 @@ class PiecewiseCubic:
     def _pieces_at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the coefficients (T, 4, columns) at times (T,), and the times (T, 1) in them."""
         last = len(self.breaks) - 2
-        k = np.clip(np.searchsorted(self.breaks, times, side="right") - 1, 0, last)
+        k = np.minimum(np.maximum(self.breaks.searchsorted(times, "right") - 1, 0), last)
         return self.coefficients[k], (times - self.breaks[k])[:, None]
 
     def _split(self, breaks: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.integrate.nearness import turning_time
 from flexarm.kernels.compilation.cache import undecorated
 from flexarm.kernels.forces.contact import ENERGY, EXPONENT, GAP, MOBILITY, STIFFNESS
-from flexarm.kernels.layout import Contacts
+from flexarm.kernels.layout import Contacts, empty_contacts
 from flexarm.linear.bent_references import PressedMotion
 from flexarm.model import Contact
 from flexarm.motion.geometry.inverse_kinematics import tip_jacobian
@@ -39,14 +39,14 @@ _NUDGE = 1e-6
 
 def contacts_of_run(arm: Arm, contacts: Sequence[Contact], state: FloatArray) -> Contacts:
     """Place the contacts of a run on the arm and set their mobilities."""
-    placed = place_contacts(arm, contacts)
-    if contacts:
-        bent = np.full(arm.n_joints, _BENT)
-        postures = [arm.unpadded(state[0])]
-        if not arm.closure_rows:  # other postures would open loops
-            postures += [arm.rest(0.0 * bent), arm.rest(bent)]
-        for law, contact in zip(placed.law, contacts, strict=True):
-            law[MOBILITY] = max(_mobility(arm, contact, q) for q in postures)
+    if not contacts:
+        return empty_contacts(arm.assembly.constants, 0, 0)
+    placed, bent = place_contacts(arm, contacts), np.full(arm.n_joints, _BENT)
+    postures = [arm.unpadded(state[0])]
+    if not arm.closure_rows:  # other postures would open loops
+        postures += [arm.rest(0.0 * bent), arm.rest(bent)]
+    for law, contact in zip(placed.law, contacts, strict=True):
+        law[MOBILITY] = max(_mobility(arm, contact, q) for q in postures)
     return placed
 
 

@@ -104,10 +104,10 @@ def _motion(tolerance: Tolerance, samples: FloatArray, limit: float) -> float | 
     The motion is a displacement of the tip over ``Tolerance.scale``. Rates count by the motion that
     they cause, because samples may lie at equal phases.
     """
-    some = samples[:: max(1, len(samples) // _PARTS)]
-    if _largest(tolerance, some) >= limit:
-        return None
-    motion = _largest(tolerance, samples)
+    stride = max(1, len(samples) // _PARTS)
+    motion = _largest(tolerance, samples[::stride])
+    if motion < limit and stride > 1:
+        motion = _largest(tolerance, samples)
     reach = 1.0 / tolerance.unit[0, :, 0].min()
     return motion if _REST * reach < motion < limit else None
 

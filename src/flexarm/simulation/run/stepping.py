@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from flexarm.arm.actions import EMPTY, Environment, loads_inboard
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.stations import cuts_at
 from flexarm.base.errors import FlexarmWarning, InputError, Problem, SimulationError
 from flexarm.integrate.base import (
@@ -26,7 +25,7 @@ from flexarm.integrate.base import (
 )
 from flexarm.integrate.reactions import reactions_many, section_forces_many
 from flexarm.kernels.compilation.cache import INTERPRETED, can_compile
-from flexarm.kernels.layout import compile_time_sizes
+from flexarm.kernels.layout import compile_time_sizes, new_workspace
 from flexarm.simulation.histories.loads import LoadHistory, constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.changes import ROUNDING, ArmChanges, ChangedArm, evenly
@@ -124,12 +123,11 @@ def system_of(
         loads.factors.breaks,
         loads.factors.coefficients,
     )
-    kernels = KernelView(constants)
     if specialized and not INTERPRETED and not can_compile():
         hint = "pip install 'flexarm[jit]' brings it; without specialized, no run needs it."
         raise InputError(Problem("specialized", "needs Numba, which is not installed", hint=hint))
-    sizes = compile_time_sizes(constants) if specialized else kernels.sizes
-    return System(sizes, constants, drive, kernels.work)
+    sizes = compile_time_sizes(constants) if specialized else arm.assembly.sizes
+    return System(sizes, constants, drive, new_workspace(constants))
 
 
 @dataclass
@@ -230,13 +228,12 @@ class Run:
     def _specialize(self, system: System, progress: Progress) -> System:
         """Switch a long run to code compiled for its model size; the state does not change."""
         n, m = system.constants.S.shape
-        large = n > _MOST_BODIES or m > _MOST_MODES
-        if self.specialized is not None or large or not can_compile():
+        if self.specialized is not None or n > _MOST_BODIES or m > _MOST_MODES:
             return system
         # Count work and not time, because the time depends on the load of the machine.
         work = progress.evaluations * n * (1 + m)
         ahead = work * (self.duration / max(progress.time, 1e-9 * self.duration) - 1.0)
-        if work < _TRIED or ahead < _WORTH_COMPILING:
+        if work < _TRIED or ahead < _WORTH_COMPILING or not can_compile():
             return system
         self.specialized = True
         return system._replace(sizes=compile_time_sizes(system.constants))
@@ -294,7 +291,7 @@ class Run:
         constants, drive = constants_with(self.arm, self.prescribed), system.drive
         contacts = touching._replace(seen=touching.seen.copy())
         drive = drive._replace(loads=drive.loads._replace(contacts=contacts))
-        return System(system.sizes, constants, drive, KernelView(constants).work)
+        return System(system.sizes, constants, drive, new_workspace(constants))
 
     def _handle_jump(self, watch: Watch, before: FloatArray) -> None:
         """Handle the events in the jump from a state ``before`` to that of the present."""

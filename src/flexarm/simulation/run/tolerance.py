@@ -16,6 +16,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import once_per_arm
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.integrate.base import FloatArray, Tolerance
 from flexarm.kernels.layout import ArmConstants
@@ -30,12 +31,7 @@ RTOL, _SHARE = 1e-7, 1e-2
 #: Factor from the default tolerances to those of the second run through impacts on joint stops.
 TIGHT = 1e-5
 
-#: ``Tolerance.unit`` of each arm, its rates of joints by prescribed joints, that of its friction
-#: that holds, and the frequency computed last, with its posture.
-_units: WeakKeyDictionary[Arm, FloatArray] = WeakKeyDictionary()
-_friction: WeakKeyDictionary[Arm, dict[tuple[int, ...], float]] = WeakKeyDictionary()
-_damping: WeakKeyDictionary[Arm, dict[tuple[int, ...], float]] = WeakKeyDictionary()
-_sticking: WeakKeyDictionary[Arm, float] = WeakKeyDictionary()
+#: The frequency of each arm that was computed last, with its posture.
 _frequencies: WeakKeyDictionary[Arm, tuple[bytes, float]] = WeakKeyDictionary()
 
 
@@ -67,6 +63,7 @@ def for_arm(tolerance: Tolerance, arm: Arm, state: FloatArray, horizon: float) -
     return tolerance._replace(unit=tip_units(arm, tolerance.scale, horizon), fastest=fastest)
 
 
+@once_per_arm
 def reach_of(arm: Arm) -> float:
     """Return the distance (m) from the base to the tip of the straight arm."""
     turning = arm.assembly.constants.slides == 0.0
@@ -77,15 +74,13 @@ def reach_of(arm: Arm) -> float:
 
 def tip_units(arm: Arm, scale: float = 1.0, horizon: float = 1.0) -> FloatArray:
     """Return coordinates and rates (2, n, 1 + m) per displacement of the tip by ``scale`` (m)."""
-    unit = _units.get(arm)
-    if unit is None:
-        unit = _units[arm] = _unit(arm)
-    unit = scale * unit
+    unit = scale * _unit(arm)
     if not arm.assembly.constants.w2.any():
         unit[1, :, 0] = unit[0, :, 0] / horizon
     return unit
 
 
+@once_per_arm
 def _unit(arm: Arm) -> FloatArray:
     """Return coordinates and rates (2, n, 1 + m) per metre of tip displacement."""
     c = arm.assembly.constants
@@ -131,8 +126,7 @@ def fastest_frequency(arm: Arm, state: FloatArray) -> float:
     posture = state[0].tobytes()
     known = _frequencies.get(arm)
     if known is None or known[0] != posture:
-        frequency = float(fastest_frequencies(arm, state[None])[0])
-        known = _frequencies[arm] = posture, frequency
+        known = _frequencies[arm] = posture, float(fastest_frequencies(arm, state[None])[0])
     return known[1]
 
 
@@ -143,11 +137,7 @@ def fastest_frequencies(arm: Arm, states: FloatArray, least: float = 0.0) -> Flo
     to an event of a rigid arm would depend on the duration of the run.
     """
     c = arm.assembly.constants
-    if c.holds.any():
-        if arm not in _sticking:
-            level = (c.friction[:, 0] + c.friction[:, 1]) * c.free * c.holds
-            _sticking[arm] = _fastest_decay(c, level) ** 0.5
-        least = max(least, _sticking[arm])
+    least = max(least, _sticking_frequency(arm))
     found = np.zeros(len(states))
     if np.any(c.w2) or np.any(c.joint_stiffness):
         kernels, torque = KernelView(c), np.zeros(c.mass.size)
@@ -157,34 +147,38 @@ def fastest_frequencies(arm: Arm, states: FloatArray, least: float = 0.0) -> Flo
     return np.maximum(found, least)
 
 
+@once_per_arm
+def _sticking_frequency(arm: Arm) -> float:
+    c = arm.assembly.constants
+    level = (c.friction[:, 0] + c.friction[:, 1]) * c.free * c.holds
+    return float(_fastest_decay(c, level) ** 0.5)
+
+
+@once_per_arm
 def friction_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
     """Return the rate (1/s) at which friction stops the joint that it stops fastest.
 
     It is that of small motions of one joint from rest, with straight links and all joint angles
     zero; 0 without friction of a joint that is free.
     """
-    rates = _friction.setdefault(arm, {})
-    if prescribed not in rates:
-        c = constants_with(arm, prescribed)
-        coulomb, rise, _, smoothing, viscous, more_coulomb, more_viscous = c.friction.T
-        slope = (coulomb + rise + 0.5 * more_coulomb) / smoothing + viscous + 0.5 * more_viscous
-        # Friction that holds does not settle: runs lock a joint that sticks.
-        rates[prescribed] = _fastest_decay(c, slope * c.free * (1.0 - c.holds))
-    return rates[prescribed]
+    c = constants_with(arm, prescribed)
+    coulomb, rise, _, smoothing, viscous, more_coulomb, more_viscous = c.friction.T
+    slope = (coulomb + rise + 0.5 * more_coulomb) / smoothing + viscous + 0.5 * more_viscous
+    # Friction that holds does not settle: runs lock a joint that sticks.
+    return _fastest_decay(c, slope * c.free * (1.0 - c.holds))
 
 
+@once_per_arm
 def damping_rate(arm: Arm, prescribed: tuple[int, ...] = ()) -> float:
     """Return the rate (1/s) at which viscous damping stops the joint that it stops fastest."""
-    rates = _damping.setdefault(arm, {})
-    if prescribed not in rates:
-        c = constants_with(arm, prescribed)
-        slope = c.joint_damping * c.free * (1.0 - c.holds)
-        rates[prescribed] = _fastest_decay(c, slope) if slope.any() else 0.0
-    return rates[prescribed]
+    c = constants_with(arm, prescribed)
+    return _fastest_decay(c, c.joint_damping * c.free * (1.0 - c.holds))
 
 
 def _fastest_decay(c: ArmConstants, slope: FloatArray) -> float:
     """Return the largest rate (1/s) of single joints under torques of ``slope`` (n,) per rate."""
+    if not slope.any():
+        return 0.0
     kernels, torque, rates = KernelView(c), np.zeros(c.mass.size), [0.0]
     state = kernels.zeros(2)
     still = kernels.forward_dynamics(state, torque)[:, 0].copy()
