@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -47,8 +46,10 @@ _HINT = (
     "Try integrator='auto', a smaller step or tighter rtol and atol, fewer elements or modes=k on "
     "the links; check torques, gains and damping signs."
 )
-#: Duration (s) of one compiled call: short enough for the progress bar and Ctrl-C.
-_CALL_SECONDS = 0.1
+#: Steps of one compiled call, times coordinates: some tenths of a second, for the progress bar and
+#: Ctrl-C. It is a number and not a time, because joints with friction settle anew in each call, and
+#: a result may not depend on the speed of the machine.
+_CALL_WORK = 3e5
 #: Compiling for one model size takes about ten seconds and saves a third of each step. It pays off
 #: if this much work remains, which takes a minute on an idle machine. Work is counted in
 #: evaluations of the dynamics times coordinates. The remaining work is extrapolated from the work
@@ -378,12 +379,11 @@ class Run:
         Raises:
             SimulationError: if the step has become too short to reach the time.
         """
-        started = time.perf_counter()
         target = until, sample_times, samples, self.max_steps
         status = self.integrator.advance(system, self.tolerance, progress, *target)
         if status is not _PAUSED:
             return system, status
-        if time.perf_counter() - started < _CALL_SECONDS:
+        if self.max_steps * progress.state.size < 2.0 * _CALL_WORK:
             self.max_steps *= 2
         self.meter.update(progress.time / self.duration)
         ahead = (until - progress.time) / progress.step
