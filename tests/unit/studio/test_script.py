@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.view.studio.app import script_of
+from flexarm.view.studio.script import script_of
 from flexarm.view.studio.state import open_bytes, open_file, paper_project
 
 from test_state import STUDY  # isort: skip

@@ -146,12 +146,18 @@ class _Chooser:
 
     def __init__(self, now: Callable[[], Project], one: str, put: Put) -> None:
         self._one, self._put = one, put
-        known, chosen = list(getattr(now().record, KEYS[one])), getattr(now().choice, one)
+        choice: Any = now().choice
+        known, chosen = list(getattr(now().record, KEYS[one])), getattr(choice, one)
         with ui.element("div").classes("choice"):
             label = f"{one} of the study"
-            choice = ui.select(known, label=label, value=chosen)
-            choice.on_value_change(lambda event: put(now().chosen(**{one: event.value})))
-            choice.props("dense outlined")
+            shown = ui.select(known, label=label, value=chosen)
+            shown.on_value_change(lambda event: put(now().chosen(**{one: event.value})))
+            shown.props("dense outlined")
+            if one == "drive":
+                others = {"": "none", **{name: name for name in known if name != chosen}}
+                beside = ui.select(others, label="beside it", value=choice.beside)
+                beside.on_value_change(lambda event: put(now().chosen(beside=event.value)))
+                beside.props("dense outlined").classes("beside")
             with ui.element("div").classes("line"):
                 self._add_button("Copy", lambda: self._try(lambda: now().copied(one)))
                 with self._add_button("Rename"), ui.menu():
@@ -180,7 +186,7 @@ class _Chooser:
 
 
 #: Shortest time between the values of a slider that moves, s.
-_THROTTLE = 0.08
+_THROTTLE = 0.04
 #: The other form of a value, on the button that switches to it; from a table to a constant.
 _FORMS = {"list": "one for each", "number": "one for all", "record": "as table"}
 _CONSTANT = "as constant"
