@@ -361,7 +361,9 @@ class _Window:
 
     def _enlarge(self, large: bool) -> None:
         self._studio.classes(**{"add" if large else "remove": "lecture"})
-        self._client.run_javascript("setTimeout(() => window.dispatchEvent(new Event('resize')), 50)")
+        self._client.run_javascript(
+            "setTimeout(() => window.dispatchEvent(new Event('resize')), 50)"
+        )
 
     def undo(self) -> None:
         """Return to the state before the last edit."""
