@@ -14,13 +14,7 @@ import orjson
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
-from flexarm.base.errors import (
-    FlexarmError,
-    FlexarmWarning,
-    InputError,
-    SimulationError,
-    printable,
-)
+from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError, printable
 from flexarm.cases.scenario.scenario import Prepared, prepare
 from flexarm.control.analysis.margins import loop_margins
 from flexarm.linear import modes
@@ -42,8 +36,6 @@ _MOST_ARROWS = 8
 _MOST_FREQUENCIES = 6
 
 
-#: Metrics that depend on the load of the machine.
-_OF_THE_MACHINE = ("controller_time",)
 #: Row of a table, as text.
 Row = tuple[str, ...]
 
@@ -111,7 +103,7 @@ def _part(request: Request) -> Part:
         return _margins(prepared, plant)
     if request.purpose == "report":
         return Report(report(_run(project), title=project.name, rigid=True))
-    sides = {"" if len(project.sides) == 1 else _drive(side): side for side in project.sides}
+    sides = dict(zip(_names(project), project.sides, strict=True))
     results = {name: _run(side) for name, side in sides.items()}
     arm = plant or prepared.arm
     first, most = next(iter(results.values())), _MOST_COORDINATES // len(results)
@@ -144,38 +136,34 @@ def _part(request: Request) -> Part:
     return Picture(data, tuple(texts), lowest, time.perf_counter() - began, outcome)
 
 
-def _drive(project: Project) -> str:
-    assert project.choice is not None
-    return project.choice.drive
+def _names(project: Project) -> list[str]:
+    """Return the names of the drives that are shown side by side; empty for a single one."""
+    if project.beside is None:
+        return [""]
+    first, other = (side.scenario.drive.kind.replace("_", " ") for side in project.sides)
+    return [first, f"{other}, beside" if first == other else other]
 
 
 def _run(project: Project) -> xr.Dataset:
     """Simulate what a project shows."""
     prepared, plant = _prepared(project)
     own = project.plant or PlantSpec()
-    try:
-        hardware = {"hardware": own.hardware} if own.hardware is not None else {}
-        more = {"loads": own.loads, "changes": own.changes}
-        return prepared.run(plant=plant, **more, **hardware, progress=False)  # type: ignore[arg-type]
-    except SimulationError as error:
-        if project.choice is None or not project.choice.beside:
-            raise
-        raise FlexarmError(f"{_drive(project)}: {error}") from None
+    more: dict[str, Any] = {"hardware": own.hardware} if own.hardware is not None else {}
+    return prepared.run(plant=plant, loads=own.loads, changes=own.changes, progress=False, **more)
 
 
 def _outcome(sides: dict[str, Project], results: dict[str, xr.Dataset]) -> tuple[Row, ...]:
-    """Return the metrics of ``flexarm.compare`` for several drives, with a first row of names."""
+    """Return the metrics of ``flexarm.compare`` for several drives, below a row of their names."""
     columns = []
     for name, side in sides.items():
         prepared = _prepared(side)[0]
         reference = prepared.followed.motion or prepared.motion
-        assert reference is not None  # studies have motions
-        columns.append(metrics_of(results[name], prepared.arm, reference))
+        columns.append(metrics_of(results[name], prepared.arm, reference) if reference else {})
     rows: list[Row] = [("", *sides)]
     for metric in METRICS:
         factor, unit = metric.display
         values = [factor * column.get(metric.name, np.nan) for column in columns]
-        if metric.name not in _OF_THE_MACHINE and not np.isnan(values).all():
+        if metric.name != "controller_time" and not np.isnan(values).all():
             label = f"{metric.name.replace('_', ' ')} [{unit}]"
             rows.append((label, *("–" if np.isnan(each) else f"{each:.4g}" for each in values)))
     return tuple(rows)

@@ -146,18 +146,12 @@ class _Chooser:
 
     def __init__(self, now: Callable[[], Project], one: str, put: Put) -> None:
         self._one, self._put = one, put
-        choice: Any = now().choice
-        known, chosen = list(getattr(now().record, KEYS[one])), getattr(choice, one)
+        known, chosen = list(getattr(now().record, KEYS[one])), getattr(now().choice, one)
         with ui.element("div").classes("choice"):
             label = f"{one} of the study"
-            shown = ui.select(known, label=label, value=chosen)
-            shown.on_value_change(lambda event: put(now().chosen(**{one: event.value})))
-            shown.props("dense outlined")
-            if one == "drive":
-                others = {"": "none", **{name: name for name in known if name != chosen}}
-                beside = ui.select(others, label="beside it", value=choice.beside)
-                beside.on_value_change(lambda event: put(now().chosen(beside=event.value)))
-                beside.props("dense outlined").classes("beside")
+            choice = ui.select(known, label=label, value=chosen)
+            choice.on_value_change(lambda event: put(now().chosen(**{one: event.value})))
+            choice.props("dense outlined")
             with ui.element("div").classes("line"):
                 self._add_button("Copy", lambda: self._try(lambda: now().copied(one)))
                 with self._add_button("Rename"), ui.menu():

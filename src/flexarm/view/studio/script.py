@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from inspect import Parameter, signature
 from typing import Any
 
@@ -19,8 +19,9 @@ from flexarm.cases.scenario.scenario import (
 )
 from flexarm.control.laws import CONTROLLERS
 from flexarm.model import PlantSpec, Scenario
+from flexarm.model.arm.links import MATERIALS, Material
 from flexarm.model.checks import Record
-from flexarm.model.drives import FEEDFORWARD_DRIVES, ControllerDrive, TorqueDrive
+from flexarm.model.drives import FEEDFORWARD_DRIVES, ControllerDrive
 from flexarm.model.scenarios.motions import PressedMotionSpec
 from flexarm.view.studio.state import Project
 from flexarm.view.studio.values.forms import kind_of
@@ -46,23 +47,31 @@ def script_of(project: Project) -> str:
     return "\n".join([head, "", *imports, "", *lines, "", _END])
 
 
-def _plain(scenario: Scenario) -> bool:
-    """Return whether a scenario is written with the functions of `flexarm`, or as one record."""
-    drive, initial = scenario.drive, scenario.initial
-    acting = scenario.base_acceleration or any(load.factor for load in scenario.loads)
-    elsewhere = (
-        scenario.prescribed or scenario.events or isinstance(scenario.motion, PressedMotionSpec),
-        initial.balance or initial.base_position or initial.base_velocity,
-        initial.equilibrium and (acting or scenario.contacts),
-        getattr(drive, "estimator", None) or isinstance(drive, TorqueDrive),
-        isinstance(scenario.base_acceleration, Record),
-    )
-    return not any(elsewhere)
-
-
 #: Parts of a scenario that are arguments of ``simulate``, and of a plant that are not of its arm.
 _SAME = ("hardware", "loads", "base_acceleration", "contacts", "changes")
 _ACTING = ("hardware", "loads", "changes")
+#: Calls that create a flexible reference, by its kind; what controllers follow, and its torque.
+_BENT = {
+    "quasi_static": ("fa.quasi_static_reference(arm, motion)", "bent", "bent.torque"),
+    "integral_manifold": ("fa.quasi_static_reference(arm, motion, order=2)", "bent", "bent.torque"),
+    "tip_inversion": ("fa.tip_inversion(arm, motion)", "bent.reference", "bent.torque"),
+    "flexible_torque": ("fa.flexible_torque(arm, motion)", "motion", "bent"),
+}
+_RIGID = ("", "motion", "fa.rigid_torque(arm, motion)")
+_MOTORS = "rigid_inverse_dynamics"
+
+
+def _plain(scenario: Scenario) -> bool:
+    """Return whether a scenario is written with the functions of `flexarm`, or as one record."""
+    drive, initial = scenario.drive, scenario.initial
+    elsewhere = (
+        scenario.prescribed or scenario.events or isinstance(scenario.motion, PressedMotionSpec),
+        initial.balance or initial.base_position or initial.base_velocity,
+        initial.equilibrium and (scenario.loads or scenario.contacts),
+        getattr(drive, "estimator", None) or drive.kind in ("torque", "tip_inversion"),
+        isinstance(scenario.base_acceleration, Record),
+    )
+    return not any(elsewhere)
 
 
 class _Code(str):
@@ -84,36 +93,41 @@ class _Writer:
             return
         self.names.setdefault("flexarm.model.scenarios.study", set()).add("plant_spec")
         self.names.setdefault("flexarm.cases.scenario.scenario", set()).add("prepare")
-        yield "# The simulated arm differs from the design model of the controller."
         yield f"difference = {self._code(plant, 0, len('difference = '))}"
         yield "plant = fa.Arm(plant_spec(scenario.arm, difference))"
-        yield f"more = {self._code(_acting(plant), 0, len('more = '))}"
+        yield f"more = {self._code(_given(plant, _ACTING), 0, len('more = '))}"
         yield "result = prepare(scenario).run(plant=plant, **more)"
 
     def calls(self, project: Project) -> Iterator[str]:
         """Yield the lines of a simulation with the functions of `flexarm`."""
-        scenario, plant = project.scenario, project.plant or PlantSpec()
-        of = prepare(scenario)
-        options = {name: value for name in _SAME if (value := getattr(scenario, name))}
+        scenario, plant, of = project.scenario, project.plant, prepare(project.scenario)
+        made, followed, torque = _BENT.get(of.followed.kind, _RIGID)
+        options = _given(scenario, _SAME)
         yield self._call("arm", "fa.Arm", _given(scenario.arm))
-        acting = _acting(plant)
-        varied = {name: value for name, value in _given(plant).items() if name not in acting}
-        if varied:
-            yield "# The simulated arm differs from the design model of the controller."
-            yield self._call("plant", "fa.varied", varied, "arm")
-            options["plant"] = _Code("plant")
-        for name, more in acting.items():
-            options[name] = (*options.get(name, ()), *more) if name != "hardware" else more
-        yield from self._motion(scenario, of, options)
-        yield from self._drive(scenario.drive, of, options)
-        yield from self._start(scenario, options)
+        if plant is not None:
+            acting, varied = _given(plant, _ACTING), _given(plant)
+            varied = {name: value for name, value in varied.items() if name not in acting}
+            if varied:
+                yield self._call("plant", "fa.varied", varied, "arm")
+                options["plant"] = _Code("plant")
+            for name, more in acting.items():
+                options[name] = more if name == "hardware" else (*options.get(name, ()), *more)
+        yield from self._motion(scenario.motion)
+        if made:
+            yield f"bent = {made}"
+        if isinstance(scenario.drive, ControllerDrive):
+            yield from self._controller("controller", scenario.drive, of, torque)
+            options["controller"] = _Code("controller")
+            if scenario.motion is not None:
+                options["reference"] = _Code(followed)
+        elif scenario.drive.kind in FEEDFORWARD_DRIVES:
+            options["torque"] = _Code(torque)
+        yield from self._start(scenario, of, options)
         settings = _given(scenario.run)
         duration = repr(settings.pop("duration"))
         yield self._call("result", "fa.simulate", options | settings, "arm", duration)
 
-    def _motion(self, scenario: Scenario, of: Prepared, options: dict[str, Any]) -> Iterator[str]:
-        """Yield the lines of the motion, and of the reference of the bent arm as ``bent``."""
-        spec, kind = scenario.motion, of.followed.kind
+    def _motion(self, spec: Any) -> Iterator[str]:
         if spec is None:
             return
         given = _given(spec)
@@ -123,62 +137,34 @@ class _Writer:
             yield self._call("motion", "fa.shaped", _given(shaping), "motion", "arm")
         if smoothing is not None:
             yield self._call("motion", "fa.smoothed", _given(smoothing), "motion")
-        if kind in ("quasi_static", "integral_manifold"):
-            more = {"order": 2} if kind == "integral_manifold" else {}
-            yield self._call("bent", "fa.quasi_static_reference", more, "arm", "motion")
-        elif kind == "tip_inversion":
-            more = _given(scenario.drive) if scenario.drive.kind == kind else {}
-            yield self._call("bent", "fa.tip_inversion", more, "arm", "motion")
-        elif kind == "flexible_torque":
-            yield "bent = fa.flexible_torque(arm, motion)"
-        if of.followed.initial is not None:
-            options["initial"] = _Code("bent.initial")
-        elif scenario.drive.kind == "none":
-            options["initial"] = _Code("arm.rest(motion.joint_angle(0.0))")
 
-    def _start(self, scenario: Scenario, options: dict[str, Any]) -> Iterator[str]:
+    def _start(self, scenario: Scenario, of: Prepared, options: dict[str, Any]) -> Iterator[str]:
         """Yield the lines of an initial state that is computed; add it to the options."""
-        initial, closed = scenario.initial, bool(scenario.arm.closures)
+        initial = scenario.initial
+        angles = "[0.0] * arm.n_joints" if scenario.motion is None else "motion.joint_angle(0.0)"
+        if of.followed.initial is not None:
+            options["initial"], angles = _Code("bent.initial"), "arm.joint_angles(bent.initial)"
         if initial.joint_angle is not None:
-            options["initial"] = _Code(f"arm.rest({list(initial.joint_angle)})")
+            angles = str(list(initial.joint_angle))
+        if initial.joint_angle is not None or scenario.drive.kind == "none":
+            options["initial"] = _Code(f"arm.rest({angles})")
         if initial.joint_rate is not None:
             options["initial_rate"] = _Code(f"arm.rest({list(initial.joint_rate)})")
         if initial.equilibrium:
-            angles = "arm.joint_angles(bent.initial)"
-            if initial.joint_angle is not None:
-                angles = str(list(initial.joint_angle))
-            elif "initial" not in options:
-                angles = "motion.joint_angle(0.0)" if scenario.motion else "[0.0] * arm.n_joints"
-            loads = {"loads": options["loads"]} if "loads" in options else {}
-            yield self._call("start", "fa.equilibrium", loads, "arm", angles)
+            yield f"start = fa.equilibrium(arm, {angles})"
             options["initial"] = _Code("start.q")
-        elif closed:
-            moving = [k for k, rate in enumerate(initial.joint_rate or (), 1) if rate]
-            first = options.pop("initial", "arm.rest([0.0] * arm.n_joints)")
+        elif scenario.arm.closures:
+            moving = tuple(k for k, rate in enumerate(initial.joint_rate or (), 1) if rate)
             rates = [options["initial_rate"]] if moving else []
-            held = {"held": tuple(moving)} if moving else {}
-            yield self._call("start", "fa.assembled", held, "arm", first, *rates)
+            held = {"held": moving} if moving else {}
+            yield self._call("start", "fa.assembled", held, "arm", f"arm.rest({angles})", *rates)
             options |= {"initial": _Code("start.q"), "initial_rate": _Code("start.qd")}
-
-    def _drive(self, drive: Any, of: Prepared, options: dict[str, Any]) -> Iterator[str]:
-        """Yield the lines of a controller; add it, or the torque, to the options."""
-        kind = of.followed.kind
-        rigid, bent = kind.startswith("rigid"), kind == "flexible_torque"
-        torque = "fa.rigid_torque(arm, motion)" if rigid else "bent" if bent else "bent.torque"
-        if drive.kind in FEEDFORWARD_DRIVES:
-            options["torque"] = _Code(torque)
-        if not isinstance(drive, ControllerDrive):
-            return
-        yield from self._controller("controller", drive, of, torque)
-        options["controller"] = _Code("controller")
-        if of.motion is not None:
-            inverse = "bent.reference" if kind == "tip_inversion" else "bent"
-            options["reference"] = _Code("motion" if rigid else inverse)
 
     def _controller(self, name: str, drive: Any, of: Prepared, torque: str) -> Iterator[str]:
         """Yield the lines of a controller, after those of the one that it contains."""
         law: Any = CONTROLLERS[drive.kind]
-        given = {name: value for name, value in _given(drive).items() if name != "reference"}
+        given = _given(drive)
+        given.pop("reference", None)
         if "inner" in given:
             yield from self._controller("inner", given["inner"], of, torque)
             given["inner"] = _Code("inner")
@@ -188,10 +174,11 @@ class _Writer:
         if "feedforward" in type(drive).model_fields:
             around = DriveContext(of.arm, None, of.followed, Start(of.options["initial"], {}), None)
             asked = feedforward_kind(drive, around)
-            call = _FEEDFORWARDS.get(asked, torque)
             given.pop("feedforward", None)
-            if asked != "none" and (asked != "reference" or of.followed.torque is not None):
-                given["feedforward"] = _Code(call)
+            if asked != "reference":
+                torque = _RIGID[2] if asked == _MOTORS else _BENT.get(asked, _RIGID)[0]
+            if torque and (asked != "reference" or of.followed.torque is not None):
+                given["feedforward"] = _Code(torque)
         needed = signature(law).parameters.get("arm")
         first = ["arm"] if needed is not None and needed.default is Parameter.empty else []
         yield self._call(name, f"fa.{law.__name__}", given, *first)
@@ -205,6 +192,8 @@ class _Writer:
         """Return an expression for a value that begins at ``used``."""
         if isinstance(value, _Code):
             return str(value)
+        if isinstance(value, Material) and value in MATERIALS.values():
+            return repr(next(name for name, known in MATERIALS.items() if known == value))
         if isinstance(value, Record):
             given = {name: part for name, part in value if name in value.model_fields_set}
             if kind_of(type(value)) is not None:
@@ -242,19 +231,8 @@ class _Writer:
         return kind.__name__
 
 
-#: Torques of a feedforward that is not that of the reference, by the value of its key.
-_FEEDFORWARDS = {
-    "rigid_inverse_dynamics": "fa.rigid_torque(arm, motion)",
-    "flexible_torque": "fa.flexible_torque(arm, motion)",
-}
-
-
-def _given(record: Record) -> dict[str, Any]:
-    """Return the values of a record that are not its defaults, without its kind."""
+def _given(record: Record, names: Collection[str] = ()) -> dict[str, Any]:
+    """Return the values of a record that are not its defaults, without its kind; by default all."""
     fields = {k: field.default for k, field in type(record).model_fields.items() if k != "kind"}
-    return {k: value for k, default in fields.items() if (value := getattr(record, k)) != default}
-
-
-def _acting(plant: PlantSpec) -> dict[str, Any]:
-    """Return the values of a plant that are not of its arm."""
-    return {name: value for name in _ACTING if (value := getattr(plant, name))}
+    values = {k: getattr(record, k) for k in names or fields}
+    return {k: value for k, value in values.items() if value != fields[k]}

@@ -29,15 +29,15 @@ from flexarm.model.arm.links import MATERIALS, Material
 from flexarm.model.checks import Record
 from flexarm.model.file_format.files import content_of, load_any, record_of_bytes
 from flexarm.model.file_format.yaml_text import Change, changed, parse
-from flexarm.model.scenarios.study import StudyRun, plant_spec
+from flexarm.model.scenarios.study import plant_spec
 from flexarm.model.wording import Path, look
 from flexarm.view.studio.values import starts
 from flexarm.view.studio.values.forms import Forms, forms_at
 
 #: Last part of a path: the kind of a record, another form of a value, the text of a table, a new
 #: entry of a list or mapping or a value that was omitted, and its removal; a way to describe a link
-#: or its material; a copy of a link and its exchange with the next one, each with its joint; a
-#: second drive beside that of a scenario.
+#: or its material; a copy of a link and its exchange with the next one, each with its joint. The
+#: first part of a path is the last word for a second drive.
 KIND, FORM, TABLE, NEW, REMOVE = "kind", "<form>", "<table>", "<new>", "<remove>"
 WAY, PRESET, COPY, MOVE, BESIDE = "<way>", "<preset>", "<copy>", "<move>", "<beside>"
 WORDS = (KIND, FORM, TABLE, NEW, REMOVE, WAY, PRESET)
@@ -242,7 +242,6 @@ class Choice:
     drive: str
     motion: str
     plant: str
-    beside: str = ""  # a second drive, whose run is shown beside the first; empty for none
 
 
 @dataclass(frozen=True)
@@ -252,6 +251,7 @@ class Project:
     record: Scenario | StudySpec  # the scenario or the study
     name: str  # name for its files, without suffix
     choice: Choice | None = None  # None for a scenario
+    beside: Any = None  # a second drive, whose run is shown beside the first, or None
 
     @property
     def scenario(self) -> Scenario:
@@ -290,9 +290,10 @@ class Project:
         of `flexarm.view.studio.state` are other edits, such as a new entry of a list.
         """
         if path[:2] == LINKS and len(path) == 4 and path[-1] in (COPY, MOVE, REMOVE):
-            return replace(self, record=_rebuilt(self.record, _order(path, self.record.arm)))
-        if path[-1:] == (BESIDE,):
-            return self._compared()
+            record = _rebuilt(self.record, _order(path, self.record.arm))
+            return replace(self, record=record, beside=None)
+        if path[:1] == (BESIDE,):
+            return self._beside(path[1])
         place = self.placed(path)
         values: Sequence[Any] = (value,)
         if path[-1:] and path[-1] in WORDS:
@@ -314,41 +315,29 @@ class Project:
     def chosen(self, **names: str) -> Project:
         """Return a project that simulates another drive, motion or plant of its study."""
         assert self.choice is not None
-        choice = replace(self.choice, **names)
-        if choice.beside == choice.drive:  # the two drives change places
-            known = self._entries("drive").keys() - {choice.drive}
-            choice = replace(choice, beside=self.choice.drive if self.choice.drive in known else "")
-        return replace(self, choice=choice)
+        return replace(self, choice=replace(self.choice, **names))
 
     @property
     def sides(self) -> list[Project]:
         """The projects whose runs are shown side by side: this one, and that of another drive."""
-        if self.choice is None or not self.choice.beside:
+        if self.beside is None:
             return [self]
-        return [self, self.chosen(drive=self.choice.beside)]
+        record: Any = self.record
+        drives = {"drive": self.beside}
+        if self.choice is not None:
+            drives = {"drives": {**record.drives, self.choice.drive: self.beside}}
+        return [replace(self, beside=None), replace(self, record=record.replace(**drives))]
 
-    def _compared(self) -> Project:
-        """Return the study of the scenario with a second drive beside its own."""
-        scenario = self.scenario
-        settings = StudyRun.model_fields.keys() & type(scenario.run).model_fields.keys()
-        run = {name: getattr(scenario.run, name) for name in settings}
-        shared = StudySpec.model_fields.keys() & Scenario.model_fields.keys()
-        for part, whole in ((scenario, {*shared, "motion", "drive"}), (scenario.run, {*run})):
-            for name, field in type(part).model_fields.items():
-                if name not in whole and getattr(part, name) != field.default:
-                    hint = "Two drives are a study, which has none."
-                    raise InputError(Problem(name, "is not supported", hint=hint))
-        if scenario.motion is None:
-            raise InputError(Problem("motion", "is required with two drives"))
-        kind = scenario.drive.kind
-        other = next(each for each in ("joint_pd", "computed_torque") if each != kind)
-        drives = {kind: scenario.drive, other: starts.drive_of_kind(scenario, other)}
-        names = {name.replace("_", " "): drive for name, drive in drives.items()}
-        content = {name: getattr(scenario, name) for name in shared - {"run"}}
-        motions = {scenario.motion.kind: scenario.motion}
-        study = StudySpec(**content, motions=motions, drives=names, run=run)  # type: ignore[arg-type]
-        first = project_of(study, self.name)
-        return first.chosen(beside=list(names)[1])
+    def _beside(self, word: str | int) -> Project:
+        """Return a project with another drive beside this one, with both exchanged, or with one."""
+        now, kind = self.scenario.drive, "computed_torque"
+        if word == REMOVE:
+            return replace(self, beside=None)
+        if word == MOVE:
+            return replace(self._with(self.placed(("drive",)), content_of(self.beside)), beside=now)
+        if now.kind == kind:
+            kind = "joint_pd"
+        return replace(self.edited(("drive", KIND), kind), beside=now)
 
     def copied(self, one: str) -> Project:
         """Return a project with a copy of the chosen drive, motion or plant, which is chosen."""
@@ -499,9 +488,9 @@ PRESETS: dict[str, Callable[[], Project]] = {
 
 def link_of(project: Project) -> str:
     """Return a project as text for an address."""
-    choice = None if project.choice is None else astuple(project.choice)
-    content = json.dumps([project.name, choice, file_text(project.record)])
-    return urlsafe_b64encode(zlib.compress(content.encode(), 9)).decode()
+    choice = project.choice and astuple(project.choice)
+    content = [project.name, file_text(project.record), choice, content_of(project.beside)]
+    return urlsafe_b64encode(zlib.compress(json.dumps(content).encode(), 9)).decode()
 
 
 def open_link(text: str) -> Project:
@@ -511,17 +500,16 @@ def open_link(text: str) -> Project:
         content = unpack.decompress(urlsafe_b64decode(text.encode("ascii")), LARGEST_FILE)
         if not unpack.eof or unpack.unused_data:
             raise ValueError
-        name, choice, file = json.loads(content)
+        name, file, choice, beside = json.loads(content)
         project = open_bytes(file.encode(), f"{name}.yaml")
-        chosen = Choice(*choice) if project.choice is not None else None
-        if chosen is not None:
-            project = replace(project, choice=chosen)
-            for side in project.sides:  # LookupError without these names
-                _ = side.scenario, side.plant
+        if choice is not None:
+            project = replace(project, choice=Choice(*choice))
+        other = project if beside is None else project.edited(("drive",), beside)
+        drive = other.scenario.drive  # a choice of other names is a LookupError
+        return replace(project, beside=beside and drive)
     except (ValueError, TypeError, LookupError, AttributeError, zlib.error):
         hint = "Copy the whole address."
         raise InputError(Problem("the link", "is damaged or incomplete", hint=hint)) from None
-    return project
 
 
 def _stem(file: str) -> str:

@@ -98,11 +98,18 @@ def groups_of(project: state.Project) -> list[Group]:
             forms = field_forms(record, name).given[0].items()
             described = _Value(value, forms, (one,), one, f"The {one} that is simulated.")
             groups.append(Group(_title(one), partial(of.group, described)))
-        elif name == "drive":
-            groups.append(Group(_title(name), partial(of.drive, _value_of(record, name, ()))))
         elif name not in ("arm", *SAMPLED):
             groups.append(Group(_title(name), partial(of.group, _value_of(record, name, ()))))
+    groups.append(Group("Comparison", partial(_comparison, project.beside is not None)))
     return groups
+
+
+def _comparison(two: bool) -> Iterator[_Entry]:
+    """Yield the buttons of a second drive."""
+    texts = {state.MOVE: "Exchange both drives", state.REMOVE: "Remove the drive beside"}
+    about = "Its run is shown beside that of the drive, with a table of both."
+    for word, text in texts.items() if two else [(state.NEW, "Compare with another drive")]:
+        yield Field((state.BESIDE, word), text, None, "button", "", about)
 
 
 def _title(name: str) -> str:
@@ -158,12 +165,6 @@ class FieldMaker:
         for entry in self._value(of):
             same = isinstance(entry, Part) and entry.path == of.path
             yield from entry.entries if same else (entry,)  # type: ignore[union-attr]
-
-    def drive(self, of: _Value) -> Iterator[_Entry]:
-        """Yield the fields of the drive of a scenario, and a button that adds another one."""
-        yield from self.group(of)
-        about = "The scenario becomes a study of two drives, whose runs are shown side by side."
-        yield Field(of.at(state.BESIDE), "Compare with another drive", None, "button", "", about)
 
     def link(self, link: Link, k: int) -> Iterator[_Entry]:
         """Yield the fields of a link, and buttons that change the row of links and joints."""
