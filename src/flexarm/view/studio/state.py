@@ -11,7 +11,7 @@ import json
 import math
 import re
 import zlib
-from base64 import urlsafe_b64decode, urlsafe_b64encode
+from base64 import b64decode, urlsafe_b64encode
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, replace
@@ -497,7 +497,7 @@ def open_link(text: str) -> Project:
     """Open a text of `link_of`; InputError if it is damaged or too large."""
     unpack = zlib.decompressobj()
     try:
-        content = unpack.decompress(urlsafe_b64decode(text.encode("ascii")), LARGEST_FILE)
+        content = unpack.decompress(b64decode(text, b"-_", validate=True), LARGEST_FILE)
         if not unpack.eof or unpack.unused_data:
             raise ValueError
         name, file, choice, beside = json.loads(content)
