@@ -36,8 +36,10 @@ window.flexarmStudio = (function () {
   }
 
   // Handles on the picture for the points of the motion: [path, name, [x, y] in m].
-  let points = [], sent = 0;
+  // Lists that answer all but the last of the moves that were sent are older than the handles.
+  let points = [], sent = 0, unanswered = 0;
   function setPoints(list) {
+    if (unanswered > 0 && --unanswered > 0) return;
     const paths = (all) => all.map((point) => point[0]).join();
     if (paths(list) !== paths(points)) document.querySelectorAll(".handle").forEach((each) => each.remove());
     points = list;
@@ -73,6 +75,7 @@ window.flexarmStudio = (function () {
     }
     function tell(released) {
       sent = performance.now();
+      unanswered += released;
       emitEvent("studio_point", [points[k][0], points[k][2], released]);
     }
     function release() { if (moved) tell(true); moved = false; }
