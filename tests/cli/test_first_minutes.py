@@ -8,7 +8,7 @@ import pytest
 from scenarios import GOOD, invoke
 
 import flexarm as fa
-from flexarm.cli.commands.init import MOST_LINKS
+from flexarm.cases.templates import MOST_LINKS
 
 
 @pytest.mark.sampled("1-vertical-slender", "2-horizontal-slender", "2-vertical-stiff")

@@ -7,7 +7,7 @@ from scenarios import invoke
 
 import flexarm as fa
 from flexarm.cases.results import read_result
-from flexarm.cli.commands.init import TEMPLATES
+from flexarm.cases.templates import TEMPLATES
 
 
 @pytest.mark.parametrize("kind", sorted(TEMPLATES))

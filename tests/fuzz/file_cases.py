@@ -21,7 +21,7 @@ import yaml
 from typer.testing import CliRunner
 
 import flexarm as fa
-from flexarm.cli.commands.init import TEMPLATES, mechanism_arm, mechanism_scenario
+from flexarm.cases.templates import TEMPLATES, mechanism_arm, mechanism_scenario
 from flexarm.cli.failures import FAILED_RUN, INTERRUPTED, WRONG_INPUT
 from flexarm.cli.main import app
 from fuzz.farm import ROOT, Part

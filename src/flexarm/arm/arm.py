@@ -35,6 +35,7 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.base.notebook import html_table
+from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.layout import Stations
 from flexarm.kernels.observation.observables import energies, poses
 from flexarm.kernels.observation.shapes import axis_points, gauge_strains
@@ -197,19 +198,9 @@ class Arm(Dynamics):
             InputError: if ``q`` has the wrong shape or is not finite, or there are fewer than two
                 stations.
         """
-        # Keep the stations, because frames of an animation share them.
         count = check_count("stations", stations, 2, 10**6)
-        kept = self._placed
-        if kept is None or kept[0] != count:
-            kept = count, place_stations(self, count)
-            if count <= MOST_STATIONS:  # more would occupy much memory
-                self._placed = kept
-        placed = kept[1]
-        state, body_poses, _ = self._poses(check_state(self, "q", q))
-        points = np.zeros((self.n_links * stations, 2))
-        sizes, shapes = self.assembly.sizes, (placed.rows, placed.shortening)
-        axis_points(sizes, state, body_poses, placed.body, placed.x, *shapes, points)
-        return points.reshape(self.n_links, stations, 2)
+        shape: FloatArray = shapes_along(self, check_state(self, "q", q)[None], count)[0]
+        return shape
 
     @public_call
     def motor_torque(self, voltage: ArrayLike, rate: ArrayLike | None = None) -> FloatArray:
@@ -348,6 +339,31 @@ def varied(
         notices = implausible(arm.spec)
         warn_of([finding for finding in implausible(spec) if finding not in notices])
     return changed
+
+
+def shapes_along(arm: Arm, q: FloatArray, stations: int) -> FloatArray:
+    """Return the points of `Arm.shape` for samples q (samples, dof), without checks of their form:
+    (samples, links, stations, 2) m."""
+    # Keep the stations, because frames of an animation share them.
+    kept = arm._placed
+    if kept is None or kept[0] != stations:
+        kept = stations, place_stations(arm, stations)
+        if stations <= MOST_STATIONS:  # more would occupy much memory
+            arm._placed = kept
+    placed = kept[1]
+    states = arm.padded(np.stack([q, np.zeros_like(q)], axis=1))
+    kernels, entry = arm._kernels.take(), Entry(axis_points)
+    body_poses, tip = kernels.pose_arrays()
+    state, points = np.zeros(states.shape[1:]), np.zeros((arm.n_links * stations, 2))
+    parts = (placed.body, placed.x, placed.rows, placed.shortening)
+    shapes = np.empty((len(q), *points.shape))
+    for k in range(len(q)):  # in the same arrays, whose addresses the entry points keep
+        state[:] = states[k]
+        kernels.call(poses, state, body_poses, tip)
+        entry(arm.assembly.sizes, state, body_poses, *parts, points)
+        shapes[k] = points
+    arm._kernels.append(kernels)
+    return check_result(shapes, q).reshape(len(q), arm.n_links, stations, 2)
 
 
 @public_call

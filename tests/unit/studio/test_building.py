@@ -1,24 +1,38 @@
 """Links are copied, exchanged and removed with their joints; what does not fit is made anew."""
 
+import json
+import zlib
+from base64 import urlsafe_b64encode
+
 import pytest
 
 import flexarm as fa
 from flexarm.base.errors import InputError
 from flexarm.cases.scenario.scenario import prepare
+from flexarm.cases.templates import TEMPLATES
+from flexarm.model.wording import path_text
+from flexarm.view.studio.compute import Picture, Request, parts_of
 from flexarm.view.studio.state import (
+    BESIDE,
     COPY,
     KIND,
+    LARGEST_FILE,
     LINKS,
     MOVE,
     NEW,
     REMOVE,
+    link_of,
     open_bytes,
+    open_file,
+    open_link,
     paper_project,
     shown_by,
 )
-from flexarm.view.studio.values.fields import groups_of
+from flexarm.view.studio.values.fields import groups_of, points_of
 
 from test_state import STUDY  # isort: skip
+
+MECHANISMS = [["--mechanism", kind] for kind in TEMPLATES]
 
 
 def lengths(project):
@@ -106,10 +120,102 @@ def test_the_scenario_of_init_opens_after_its_arm(tmp_path):
     assert project.record == fa.load_scenario(tmp_path / "scenario.yaml")
 
 
-def _files_of_init(folder):
+def _files_of_init(folder, *options):
     from typer.testing import CliRunner
 
     from flexarm.cli.main import app
 
-    assert CliRunner().invoke(app, ["init", str(folder)]).exit_code == 0
+    assert CliRunner().invoke(app, ["init", str(folder), *options]).exit_code == 0
     return [(folder / name).read_bytes() for name in ("arm.yaml", "scenario.yaml")]
+
+
+@pytest.mark.parametrize("options", [[], ["--gravity"], ["--links", "1"], *MECHANISMS], ids=str)
+def test_the_studio_opens_and_simulates_what_init_writes(options, tmp_path):
+    _files_of_init(tmp_path, *options)
+    for name in ("scenario.yaml", "arm.yaml"):
+        project = open_file(tmp_path / name).edited(("run", "duration"), 0.1)
+        part = next(parts_of(Request(project)))
+        assert isinstance(part, Picture), part
+
+
+def test_a_link_contains_the_whole_state():
+    study = open_bytes(STUDY.encode(), "study.yaml").chosen(plant="heavier")
+    drive = study.edited((BESIDE, NEW), None)
+    for project in (paper_project(), study, drive):
+        assert open_link(link_of(project)) == project
+
+
+LINK = link_of(paper_project())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "x",
+        "ä",
+        LINK[:-5],
+        LINK[:60] + "AA" + LINK[62:],
+        LINK + "AAAA",
+        link_of(paper_project())[::-1],
+    ],
+    ids=["empty", "short", "not ASCII", "cut", "changed", "longer", "reversed"],
+)
+def test_damaged_links_are_refused(text):
+    with pytest.raises(InputError, match="the link is damaged or incomplete"):
+        open_link(text)
+
+
+def test_links_of_more_than_the_largest_file_are_refused():
+    bomb = urlsafe_b64encode(zlib.compress(bytes(LARGEST_FILE + 1), 9)).decode()
+    with pytest.raises(InputError, match="the link is damaged"):
+        open_link(bomb)
+
+
+def test_links_with_other_names_are_refused():
+    content = json.dumps(["s", STUDY, ["none", "slow", "heavier"], None])
+    with pytest.raises(InputError, match="the link is damaged"):
+        open_link(urlsafe_b64encode(zlib.compress(content.encode())).decode())
+
+
+def test_a_second_drive_is_added_exchanged_and_removed():
+    project = paper_project()
+    two = project.edited((BESIDE, NEW), None)
+    kinds = [side.scenario.drive.kind for side in two.sides]
+    assert kinds == ["computed_torque", "rigid_inverse_dynamics"]
+    other = two.edited((BESIDE, MOVE), None)
+    assert [side.scenario.drive.kind for side in other.sides] == kinds[::-1]
+    assert other.edited((BESIDE, REMOVE), None) == project
+    longer = two.edited(("arm", "links", 0, "length"), 1.5)
+    assert {side.record.arm.links[0].length for side in longer.sides} == {1.5}
+    # The gains of the drive beside are those of another number of joints.
+    assert two.edited((*LINKS, 1, COPY), None).beside is None
+
+
+def test_the_outcome_of_two_drives_is_that_of_compare():
+    project = paper_project().edited(("run", "duration"), 3.0).edited((BESIDE, NEW), None)
+    part = next(parts_of(Request(project)))
+    head, *rows = part.outcome
+    assert head == ("", "computed torque", "rigid inverse dynamics")
+    prepared = prepare(project.scenario)
+    references = {"m": prepared.followed.motion}
+    law = {"c": prepared.options["controller"]}
+    settings = {"rate": prepared.options["rate"], "initial": prepared.options["initial"]}
+    table = fa.compare(prepared.arm, law, 3.0, references, **settings)
+    expected = 1e3 * float(table["tip_error_rms"].squeeze())
+    found = {row[0]: row[1] for row in rows}["tip error rms [mm]"]
+    assert float(found) == pytest.approx(expected, rel=1e-3)
+    assert len(json.loads(part.data)["scenes"]) == 2
+
+
+def test_points_of_the_motion_are_moved():
+    project = paper_project()
+    assert [(path_text(path), name) for path, name, _ in points_of(project)] == [
+        ("motion.start", "start"),
+        ("motion.end", "end"),
+    ]
+    moved = project.edited(("motion", KIND), "via_points")
+    assert [name for _, name, _ in points_of(moved)] == ["point 1", "point 2", "point 3"]
+    path = points_of(moved)[1][0]
+    assert moved.edited(path, [1.5, 1.25]).record.motion.points[1] == (1.5, 1.25)
+    assert points_of(project.edited(("motion", KIND), "joint")) == []

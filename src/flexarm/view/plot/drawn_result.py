@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm.arm import Arm
+from flexarm.arm.arm import Arm, shapes_along
 from flexarm.base.arguments import check_dataset, check_kind
 from flexarm.base.errors import InputError, ModelError, Problem, nearest, shown
 from flexarm.model import Scenario, scenario_of_text
@@ -243,7 +243,7 @@ def shapes_of(
     arm: Arm, q: FloatArray, magnify: float = 1.0, stations: int = STATIONS
 ) -> FloatArray:
     """Return shapes (k, links, stations, 2) m of q (k, dof), with bending drawn by a factor."""
-    points = np.array([arm.shape(row, stations) for row in q])
+    points = shapes_along(arm, q, stations)
     return points if magnify == 1.0 else bending_of(arm, q, points).links(points, magnify)
 
 

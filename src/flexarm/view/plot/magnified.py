@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexarm.arm.arm import Arm
+from flexarm.arm.arm import Arm, shapes_along
 from flexarm.arm.assembly.coordinates import station_of
 from flexarm.base.arguments import check_nonnegative
 from flexarm.base.errors import InputError, Problem, shown
@@ -168,7 +168,7 @@ def straight_ends(arm: Arm, q: FloatArray) -> FloatArray:
     straight = q.copy()
     for piece in arm.assembly.pieces:
         straight[:, piece.modal] = 0.0
-    return np.array([arm.shape(row, 2) for row in straight])
+    return shapes_along(arm, straight, 2)
 
 
 def automatic(bendings: Sequence[tuple[Bending, FloatArray]]) -> float:

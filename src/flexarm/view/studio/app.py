@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import ipaddress
 import json
-import math
 import secrets
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -21,16 +20,33 @@ from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-import flexarm
 from flexarm.base.errors import InputError, printable
-from flexarm.base.references import package_version
-from flexarm.model import ArmSpec, PlantSpec
-from flexarm.model.checks import Record
+from flexarm.model import ArmSpec
 from flexarm.model.wording import Path, path_text
 from flexarm.view.plot.animation.scene import player_function, style
-from flexarm.view.studio.compute import Failure, Margins, Part, Picture, Report, Request, parts_of
+from flexarm.view.studio.compute import (
+    Failure,
+    Margins,
+    Part,
+    Picture,
+    Report,
+    Request,
+    Row,
+    parts_of,
+)
 from flexarm.view.studio.panel import Panel
-from flexarm.view.studio.state import History, Project, open_bytes, shown_by
+from flexarm.view.studio.script import script_of
+from flexarm.view.studio.state import (
+    LARGEST_FILE,
+    PRESETS,
+    History,
+    Project,
+    link_of,
+    open_bytes,
+    open_link,
+    shown_by,
+)
+from flexarm.view.studio.values.fields import points_of
 from flexarm.view.studio.worker import Worker
 
 
@@ -209,14 +225,19 @@ def _text(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
-_LARGEST_FILE = 20_000_000  # bytes
 #: Name of a file that the browser does not send, or could not send, and the reason.
 _REJECTED = "(all) => emit(all[0].file.name, all[0].failedPropValidation)"
 _FAILED = "(info) => emit(info.files[0].name, `status ${info.xhr.status}`)"
 _REASONS = {
     "accept": "its name does not end in .yaml or .yml.",
-    "max-file-size": f"it is larger than {_LARGEST_FILE / 1e6:g} MB.",
+    "max-file-size": f"it is larger than {LARGEST_FILE / 1e6:g} MB.",
 }
+#: Links of other pages are not longer.
+_LONGEST_LINK = 200_000  # characters
+_FIRST = (
+    "The first run loads the compiled kernels. An installation without them compiles them now, "
+    "which takes about a minute."
+)
 _MARGINS = ("", "gain margin", "phase margin [°]", "delay margin [ms]")
 
 
@@ -238,12 +259,16 @@ class _Window:
         self._loop = asyncio.get_running_loop()
         self._client = ui.context.client
         ui.colors(primary="#005A8E")  # dark enough for text on white
-        with ui.element("div").classes("studio"):
+        self._linked = False
+        with ui.element("div").classes("studio") as self._studio:
             self._add_bar()
             with ui.element("main").classes("stage"):
                 self._add_stage()
             self._panel = Panel(self._preview, self._commit, self._put)
+        ui.on("studio_point", self._drag)
+        ui.on("studio_link", self._follow)
         self._refresh()
+        self._client.run_javascript("flexarmStudio.follow()")
 
     def close(self) -> None:
         """Drop what is waiting for this window."""
@@ -256,23 +281,29 @@ class _Window:
         with ui.element("header").classes("bar"):
             ui.label("flexarm studio").classes("brand")
             self._name = ui.label().classes("file")
-            upload = ui.upload(auto_upload=True, max_file_size=_LARGEST_FILE, on_upload=self._open)
+            upload = ui.upload(auto_upload=True, max_file_size=LARGEST_FILE, on_upload=self._open)
             upload.classes("hidden").props("accept=.yaml,.yml")
             upload.on("rejected", self._refuse, js_handler=_REJECTED)
             upload.on("failed", self._refuse, js_handler=_FAILED)
             self._upload = upload
             pick = f"() => getElement({upload.id}).$refs.qRef.pickFiles()"
+            with _button("New", "Start with another arm"), ui.menu():
+                for name, make in PRESETS.items():
+                    ui.menu_item(_sentence(name), lambda make=make: self._put(make()))
             _button("Open", "Open an arm, scenario or study file").on("click", js_handler=pick)
             with _button("Save", "Save a file"), ui.menu():
                 for kind in ("model", "scenario", "study"):
                     item = ui.menu_item(f"Save the {kind}", lambda kind=kind: self._save(kind))
                     if kind == "study":
                         self._save_study = item
-            with _button("Export", "Export a report or a Python script"), ui.menu():
+            with _button("Export", "Export a report, a Python script or a link"), ui.menu():
                 ui.menu_item("Report (HTML)", self._report)
                 ui.menu_item("Python script", self._script)
+                ui.menu_item("Link in the address", self._link)
             self._undo = _button("Undo", "Undo (Ctrl+Z)", self.undo).classes("undo")
             self._redo = _button("Redo", "Redo (Ctrl+Y)", self.redo).classes("redo")
+            screen = ui.fullscreen(on_value_change=lambda event: self._enlarge(event.value))
+            _button("Lecture", "Full screen with large type; Esc ends it").on_click(screen.enter)
             self._status = ui.label().classes("status").props("role=status")
 
     async def _open(self, event: UploadEventArguments) -> None:
@@ -309,6 +340,31 @@ class _Window:
         request = Request(self.history.now, "report")
         self._worker.submit(f"{self.key} report", request, self._deliver(request))
 
+    def _link(self) -> None:
+        """Show a link to the state in the address of the page, until the state changes."""
+        link = link_of(self.history.now)
+        if len(link) > _LONGEST_LINK:
+            self._say("The state is too large for a link: save the file.")
+            return
+        ui.navigate.history.replace(f"#{link}")
+        self._linked = True
+        self._status.set_text("the address of this page is the link")
+
+    def _follow(self, event: GenericEventArguments) -> None:
+        """Open the link that was in the address of the page."""
+        try:
+            project = open_link(str(event.args)[: _LONGEST_LINK + 1])
+        except InputError as error:
+            self._say(f"The link was not opened: {error}")
+            return
+        self._put(project)
+
+    def _enlarge(self, large: bool) -> None:
+        self._studio.classes(**{"add" if large else "remove": "lecture"})
+        self._client.run_javascript(
+            "setTimeout(() => window.dispatchEvent(new Event('resize')), 50)"
+        )
+
     def undo(self) -> None:
         """Return to the state before the last edit."""
         self.history.undo()
@@ -325,6 +381,8 @@ class _Window:
         self._notice = ui.label().classes("notice").props("role=alert")
         self._failure = ui.label().classes("notice failure").props("role=alert")
         self._picture = ui.element("div").classes("picture").props(f"data-key={self.key}")
+        with self._picture:
+            self._first = ui.label(_FIRST).classes("quiet")
         self._warnings = ui.label().classes("notice").props("role=alert")
         with ui.element("div").classes("numbers"):
             with ui.element("div"):
@@ -336,10 +394,13 @@ class _Window:
                 ui.label("at the start, one joint at a time").classes("quiet")
                 self._margins = ui.element("table")
                 self._note = ui.label().classes("quiet")
-        for label in (self._notice, self._failure, self._warnings):
-            label.set_visibility(False)
+            with ui.element("div") as self._compared:
+                ui.label("Outcome of both drives").classes("title")
+                self._outcome = ui.element("table")
+        for hidden in (self._notice, self._failure, self._warnings, self._compared):
+            hidden.set_visibility(False)
         # What belongs to a run: grey while it is that of another project.
-        self._of_the_run = (self._picture, self._warnings, self._frequencies)
+        self._of_the_run = (self._picture, self._warnings, self._frequencies, self._outcome)
         self._of_the_loop = (self._margins, self._note)
 
     def _say(self, text: str) -> None:
@@ -383,6 +444,16 @@ class _Window:
         self._redo.set_enabled(self.history.can_redo)
         self._save_study.set_visibility(project.choice is not None)
         self._panel.show(project)
+        if self._linked:
+            ui.navigate.history.replace("/")
+            self._linked = False
+
+    def _drag(self, event: GenericEventArguments) -> None:
+        """Move a point of the motion to where the user drags its handle."""
+        name, place, released = event.args
+        paths = [path for path, *_ in points_of(self.history.now) if path_text(path) == name]
+        for path in paths:
+            (self._commit if released else self._preview)(path, [float(each) for each in place])
 
     # Requests and answers.
 
@@ -406,6 +477,8 @@ class _Window:
     def _settle(self) -> None:
         """Compute what belongs to the state: its picture, and after it the margins."""
         project = self.history.now
+        points = json.dumps([(path_text(path), name, at) for path, name, at in points_of(project)])
+        self._client.run_javascript(f"flexarmStudio.points({points})")
         self._ask(project)
         if project == self._pictured and self.latest is not None:
             # The last value of a slider that moved: its picture is shown already.
@@ -451,6 +524,9 @@ class _Window:
         _fill(self._warnings, "\n".join(f"Warning: {text}" for text in part.warnings))
         listed = ", ".join(f"{frequency:.4g}" for frequency in part.frequencies)
         self._frequencies.set_text(f"{listed} Hz" if listed else "none: all links are rigid")
+        self._first.set_visibility(False)
+        self._compared.set_visibility(bool(part.outcome))
+        _fill_table(self._outcome, part.outcome)
         self._seconds = part.seconds
         if number == self._newest:
             self._be_current()
@@ -468,16 +544,8 @@ class _Window:
 
     def _show_margins(self, part: Margins) -> None:
         self._note.set_text(part.note)
-        self._margins.clear()
         _mark(self._of_the_loop, remove="waiting")
-        if not part.rows:
-            return
-        with self._margins:
-            for k, row in enumerate((_MARGINS, *part.rows)):
-                with ui.element("tr"):
-                    for text in row:
-                        with ui.element("th" if k == 0 else "td"):
-                            ui.label(text)
+        _fill_table(self._margins, (_MARGINS, *part.rows) if part.rows else ())
 
     def _show_failure(self, part: Failure) -> None:
         """Show why there is no picture; the last run stays, marked as old."""
@@ -506,76 +574,22 @@ def _text_of(failure: Failure) -> str:
     return "\n".join(text for _, text in failure.problems)
 
 
+def _fill_table(table: ui.element, rows: Sequence[Row]) -> None:
+    """Show rows of text, of which the first is the head."""
+    table.clear()
+    with table:
+        for k, row in enumerate(rows):
+            with ui.element("tr"):
+                for text in row:
+                    with ui.element("th" if k == 0 else "td"):
+                        ui.label(text)
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
 def _fill(label: ui.label, text: str) -> None:
     """Show a text, or hide its label if it is empty."""
     label.set_text(text)
     label.set_visibility(bool(text))
-
-
-_WIDTH = 96
-_END = """\
-tip, bent = result["tip"].values, abs(result["link_tip_deflection"]).max("time").values
-print("tip at the end [m]:", *tip[-1])
-print("largest deflection of each link [m]:", *bent)
-# fa.report(result, "report.html")
-# fa.animate(result, "arm.html")
-"""
-
-
-def script_of(project: Project) -> str:
-    """Return the text of a program that simulates what a window shows, in ``result``."""
-    names: dict[str, set[str]] = {}
-    scenario = _code(project.scenario, names, 0, len("scenario = "))
-    plant = project.plant
-    lines = [f"scenario = {scenario}", ""]
-    if plant is None or plant == PlantSpec():
-        lines += ["result = fa.run_scenario(scenario)"]
-    else:
-        names.setdefault("flexarm.model.scenarios.study", set()).add("plant_spec")
-        names.setdefault("flexarm.cases.scenario.scenario", set()).add("prepare")
-        varied = _code(plant, names, 0, len("difference = "))
-        lines += [
-            "# The simulated arm differs from the design model of the controller.",
-            f"difference = {varied}",
-            "plant = fa.Arm(plant_spec(scenario.arm, difference))",
-            "more = {'loads': difference.loads, 'changes': difference.changes}",
-            "result = prepare(scenario).run(plant=plant, **more)",
-        ]
-    imports = ["import flexarm as fa"]
-    for module in sorted(names):
-        imports.append(f"from {module} import {', '.join(sorted(names[module]))}")
-    head = f'"""A simulation, as shown by flexarm studio {package_version()}."""'
-    return "\n".join([head, "", *imports, "", *lines, "", _END])
-
-
-def _code(value: Any, names: dict[str, set[str]], indent: int, used: int) -> str:
-    """Return an expression for a value that begins at ``used``; collect classes by module."""
-    if isinstance(value, Record):
-        given = {name: part for name, part in value if name in value.model_fields_set}
-        given.pop("kind", None)
-        opening, closing = f"{_class_of(value, names)}(", ")"
-        parts = [(f"{name}=", part) for name, part in given.items()]
-    elif isinstance(value, dict):
-        opening, closing = "{", "}"
-        parts = [(f"{name!r}: ", part) for name, part in value.items()]
-    elif isinstance(value, tuple):
-        opening, closing = "[", "]"
-        parts = [("", part) for part in value]
-    else:
-        infinite = isinstance(value, float) and math.isinf(value)
-        return f'float("{value}")' if infinite else repr(value)
-    inner = [name + _code(part, names, indent + 4, indent + 4 + len(name)) for name, part in parts]
-    one_line = f"{opening}{', '.join(inner)}{closing}"
-    if "\n" not in one_line and used + len(one_line) <= _WIDTH:
-        return one_line
-    space = " " * (indent + 4)
-    return "\n".join([opening, *(f"{space}{part}," for part in inner), f"{' ' * indent}{closing}"])
-
-
-def _class_of(record: Record, names: dict[str, set[str]]) -> str:
-    """Return the name of a record's class, of `flexarm` if it is public there."""
-    kind = type(record)
-    if getattr(flexarm, kind.__name__, None) is kind:
-        return f"fa.{kind.__name__}"
-    names.setdefault(kind.__module__, set()).add(kind.__name__)
-    return kind.__name__

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import orjson
@@ -21,15 +21,23 @@ from flexarm.linear import modes
 from flexarm.model import PlantSpec
 from flexarm.model.plausible import implausible
 from flexarm.simulation.calls.compare import warnings_of
+from flexarm.simulation.calls.metrics import METRICS, metrics_of
 from flexarm.view.plot.animation.scene import SceneOptions, player_data, scene_of, thin
 from flexarm.view.plot.drawn_result import factor_of, rigid_result, several
 from flexarm.view.reporting import clock, error_panel, few_lines, report
 from flexarm.view.studio.state import Project
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 #: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.
 _MOST_COORDINATES, _INTERVALS = 47_000, 200
 _MOST_ARROWS = 8
 _MOST_FREQUENCIES = 6
+
+
+#: Row of a table, as text.
+Row = tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -48,14 +56,14 @@ class Picture:
     warnings: tuple[str, ...]  # of the arm and of the result
     frequencies: tuple[float, ...]  # with locked joints at the start, Hz
     seconds: float  # computing time
+    outcome: tuple[Row, ...] = ()  # of two drives, a table with its head
 
 
 @dataclass(frozen=True)
 class Margins:
     """Margins of the loop at the start of the motion."""
 
-    #: joint, gain margin, phase margin (degrees) and delay margin (ms), as text
-    rows: tuple[tuple[str, str, str, str], ...]
+    rows: tuple[Row, ...]  # joint, gain margin, phase margin (degrees) and delay margin (ms)
     note: str = ""  # why there are none, or a statement about all of them
 
 
@@ -93,34 +101,75 @@ def _part(request: Request) -> Part:
     prepared, plant = _prepared(project)
     if request.purpose == "margins":
         return _margins(prepared, plant)
-    own = project.plant or PlantSpec()
-    result = prepared.run(plant=plant, loads=own.loads, changes=own.changes, progress=False)
     if request.purpose == "report":
-        return Report(report(result, title=project.name, rigid=True))
+        return Report(report(_run(project), title=project.name, rigid=True))
+    sides = dict(zip(_names(project), project.sides, strict=True))
+    results = {name: _run(side) for name, side in sides.items()}
     arm = plant or prepared.arm
-    reference = prepared.followed.motion
-    times, fps, speed = clock(result, arm.n_links, _MOST_COORDINATES)
-    histories = several("channels", None, result)
-    if reference is not None:
-        histories = [*histories, error_panel(result, arm, reference)]
+    first, most = next(iter(results.values())), _MOST_COORDINATES // len(results)
+    times, fps, speed = clock(first, arm.n_links, most)
     contacts = prepared.options.get("contacts", ())
-    options = SceneOptions(
-        magnify=factor_of("auto", [(arm, result, bool(contacts))]),
-        torque=arm.n_links <= _MOST_ARROWS,
-        ghost=rigid_result(True, arm, result),
-        reference=reference,
-        contacts=contacts,
-    )
-    drawn = [thin(few_lines(each), _INTERVALS) for each in histories]
-    scene = scene_of("", arm, result, times, options, drawn)
-    data = orjson.dumps(player_data([scene], fps, speed), option=orjson.OPT_SERIALIZE_NUMPY)
+    drawn = [(arm, result, bool(contacts)) for result in results.values()]
+    factor, scenes = factor_of("auto", drawn), []
+    for name, result in results.items():
+        reference = _prepared(sides[name])[0].followed.motion
+        histories = several("channels", None, result)
+        if reference is not None:
+            histories = [*histories, error_panel(result, arm, reference)]
+        options = SceneOptions(
+            magnify=factor,
+            torque=arm.n_links <= _MOST_ARROWS,
+            ghost=rigid_result(True, arm, result),
+            reference=reference,
+            contacts=contacts,
+        )
+        thinned = [thin(few_lines(each), _INTERVALS) for each in histories]
+        scenes.append(scene_of(name, arm, result, times, options, thinned))
+    data = orjson.dumps(player_data(scenes, fps, speed), option=orjson.OPT_SERIALIZE_NUMPY)
     frequencies = modes(arm, prepared.arm.joint_angles(prepared.options["initial"])).frequency_hz
-    texts = (*implausible(arm.spec), *prepared.implausible(), *warnings_of(result))
+    texts = [*implausible(arm.spec)]
+    for name, result in results.items():
+        own = (*_prepared(sides[name])[0].implausible(), *warnings_of(result))
+        texts += [f"{name}: {text}" if name else text for text in own]
     lowest = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
-    return Picture(data, texts, lowest, time.perf_counter() - began)
+    outcome = _outcome(sides, results) if len(sides) > 1 else ()
+    return Picture(data, tuple(texts), lowest, time.perf_counter() - began, outcome)
 
 
-@lru_cache(maxsize=1)
+def _names(project: Project) -> list[str]:
+    """Return the names of the drives that are shown side by side; empty for a single one."""
+    if project.beside is None:
+        return [""]
+    first, other = (side.scenario.drive.kind.replace("_", " ") for side in project.sides)
+    return [first, f"{other}, beside" if first == other else other]
+
+
+def _run(project: Project) -> xr.Dataset:
+    """Simulate what a project shows."""
+    prepared, plant = _prepared(project)
+    own = project.plant or PlantSpec()
+    more: dict[str, Any] = {"hardware": own.hardware} if own.hardware is not None else {}
+    return prepared.run(plant=plant, loads=own.loads, changes=own.changes, progress=False, **more)
+
+
+def _outcome(sides: dict[str, Project], results: dict[str, xr.Dataset]) -> tuple[Row, ...]:
+    """Return the metrics of ``flexarm.compare`` for several drives, below a row of their names."""
+    columns = []
+    for name, side in sides.items():
+        prepared = _prepared(side)[0]
+        reference = prepared.followed.motion or prepared.motion
+        columns.append(metrics_of(results[name], prepared.arm, reference) if reference else {})
+    rows: list[Row] = [("", *sides)]
+    for metric in METRICS:
+        factor, unit = metric.display
+        values = [factor * column.get(metric.name, np.nan) for column in columns]
+        if metric.name != "controller_time" and not np.isnan(values).all():
+            label = f"{metric.name.replace('_', ' ')} [{unit}]"
+            rows.append((label, *("–" if np.isnan(each) else f"{each:.4g}" for each in values)))
+    return tuple(rows)
+
+
+@lru_cache(maxsize=2)
 def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
     """Return the scenario, ready to run, and another simulated arm; kept for the margins."""
     prepared = prepare(project.scenario)
@@ -151,4 +200,4 @@ def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
         for joint, row in zip(table["joint"].values, np.stack(columns, axis=1), strict=True)
     )
     unstable = float(table["growth"].max()) > 0.0
-    return Margins(rows, "The sampled loop is unstable at the start." if unstable else "")  # type: ignore[arg-type]
+    return Margins(rows, "The sampled loop is unstable at the start." if unstable else "")

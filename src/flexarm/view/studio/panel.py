@@ -180,7 +180,7 @@ class _Chooser:
 
 
 #: Shortest time between the values of a slider that moves, s.
-_THROTTLE = 0.08
+_THROTTLE = 0.04
 #: The other form of a value, on the button that switches to it; from a table to a constant.
 _FORMS = {"list": "one for each", "number": "one for all", "record": "as table"}
 _CONSTANT = "as constant"

@@ -7,11 +7,15 @@ another one, so that all edits are checked in the same way.
 
 from __future__ import annotations
 
+import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import zlib
+from base64 import b64decode, urlsafe_b64encode
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
+from functools import partial
 from itertools import count, zip_longest
 from pathlib import Path as FilePath
 from typing import Any
@@ -19,6 +23,7 @@ from typing import Any
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError, InputError, Problem
 from flexarm.base.writing.places import AnyPath
+from flexarm.cases.templates import TEMPLATES, arm_files, mechanism_arm, mechanism_scenario
 from flexarm.model import ArmSpec, Link, PlantSpec, Scenario, StudySpec, file_text
 from flexarm.model.arm.links import MATERIALS, Material
 from flexarm.model.checks import Record
@@ -31,9 +36,10 @@ from flexarm.view.studio.values.forms import Forms, forms_at
 
 #: Last part of a path: the kind of a record, another form of a value, the text of a table, a new
 #: entry of a list or mapping or a value that was omitted, and its removal; a way to describe a link
-#: or its material; a copy of a link and its exchange with the next one, each with its joint.
+#: or its material; a copy of a link and its exchange with the next one, each with its joint. The
+#: first part of a path is the last word for a second drive.
 KIND, FORM, TABLE, NEW, REMOVE = "kind", "<form>", "<table>", "<new>", "<remove>"
-WAY, PRESET, COPY, MOVE = "<way>", "<preset>", "<copy>", "<move>"
+WAY, PRESET, COPY, MOVE, BESIDE = "<way>", "<preset>", "<copy>", "<move>", "<beside>"
 WORDS = (KIND, FORM, TABLE, NEW, REMOVE, WAY, PRESET)
 LINKS: Path = ("arm", "links")
 #: A material that is not a preset.
@@ -223,6 +229,8 @@ ORIGIN = "studio"
 STUDIED = {"motions": "motion", "drives": "drive", "plants": "plant"}
 #: Key of the study by the name of an entry.
 KEYS = {entry: key for key, entry in STUDIED.items()}
+#: Largest size of an opened file or link, bytes.
+LARGEST_FILE = 20_000_000
 #: Limit on the states that undo keeps.
 MOST_UNDO = 200
 
@@ -243,6 +251,7 @@ class Project:
     record: Scenario | StudySpec  # the scenario or the study
     name: str  # name for its files, without suffix
     choice: Choice | None = None  # None for a scenario
+    beside: Any = None  # a second drive, whose run is shown beside the first, or None
 
     @property
     def scenario(self) -> Scenario:
@@ -281,7 +290,10 @@ class Project:
         of `flexarm.view.studio.state` are other edits, such as a new entry of a list.
         """
         if path[:2] == LINKS and len(path) == 4 and path[-1] in (COPY, MOVE, REMOVE):
-            return replace(self, record=_rebuilt(self.record, _order(path, self.record.arm)))
+            record = _rebuilt(self.record, _order(path, self.record.arm))
+            return replace(self, record=record, beside=None)
+        if path[:1] == (BESIDE,):
+            return self._beside(path[1])
         place = self.placed(path)
         values: Sequence[Any] = (value,)
         if path[-1:] and path[-1] in WORDS:
@@ -304,6 +316,28 @@ class Project:
         """Return a project that simulates another drive, motion or plant of its study."""
         assert self.choice is not None
         return replace(self, choice=replace(self.choice, **names))
+
+    @property
+    def sides(self) -> list[Project]:
+        """The projects whose runs are shown side by side: this one, and that of another drive."""
+        if self.beside is None:
+            return [self]
+        record: Any = self.record
+        drives = {"drive": self.beside}
+        if self.choice is not None:
+            drives = {"drives": {**record.drives, self.choice.drive: self.beside}}
+        return [replace(self, beside=None), replace(self, record=record.replace(**drives))]
+
+    def _beside(self, word: str | int) -> Project:
+        """Return a project with another drive beside this one, with both exchanged, or with one."""
+        now, kind = self.scenario.drive, "computed_torque"
+        if word == REMOVE:
+            return replace(self, beside=None)
+        if word == MOVE:
+            return replace(self._with(self.placed(("drive",)), content_of(self.beside)), beside=now)
+        if now.kind == kind:
+            kind = "joint_pd"
+        return replace(self.edited(("drive", KIND), kind), beside=now)
 
     def copied(self, one: str) -> Project:
         """Return a project with a copy of the chosen drive, motion or plant, which is chosen."""
@@ -360,8 +394,8 @@ def _order(path: Path, arm: ArmSpec) -> list[int]:
 def _rebuilt(record: Scenario | StudySpec, order: list[int]) -> Scenario | StudySpec:
     """Return a record whose arm has the links of another one in an order, with their joints.
 
-    A branch remains on its link, which cannot be removed before it. What does not fit other joints
-    is made anew: the drive, and then the motion and the initial state, too.
+    A branch remains on its link, which cannot be removed before it. The gains of the drive are made
+    anew, because those of another arm may be unstable; what does not fit other joints is, too.
     """
     old = record.arm
     links = [old.links[k] for k in order]
@@ -376,20 +410,18 @@ def _rebuilt(record: Scenario | StudySpec, order: list[int]) -> Scenario | Study
     if isinstance(record, StudySpec):
         return record.replace(arm=arm)
     around = starts.scenario_around(arm)
-    bare: dict[str, Any] = {"initial": None, "hardware": None, "motion": around.motion}
+    drive = content_of(record.drive)
+    kept = {name: value for name, value in drive.items() if not isinstance(value, list)}
     refusals: list[FlexarmError] = []
     attempts: list[dict[str, Any]] = [
-        {},
         {"motion": record.motion},
         {"motion": around.motion},
-        bare,
+        {"initial": None, "hardware": None, "motion": around.motion},
     ]
     for more in attempts:
         try:
-            if more:
-                undriven = around.replace(**more)
-                more["drive"] = starts.drive_of_kind(undriven, record.drive.kind)
-            return record.replace(arm=arm, **more)
+            drive = kept | starts.drive_of_kind(around.replace(**more), record.drive.kind)
+            return record.replace(arm=arm, **more, drive=drive)
         except FlexarmError as error:
             refusals.append(error)
     raise refusals[0]
@@ -432,6 +464,52 @@ def paper_project() -> Project:
     from flexarm.view.paper import paper_scenario
 
     return Project(paper_scenario(), "paper")
+
+
+def _of_texts(arm: str, scenario: str, name: str) -> Project:
+    """Return the project of the texts of an arm file and of a scenario file that names it."""
+    described = open_bytes(arm.encode(), "arm.yaml").record.arm
+    return open_bytes(scenario.encode(), name, {"arm.yaml": described})
+
+
+#: States to start from, by their entries in the menu: the paper's, and those of ``flexarm init``.
+PRESETS: dict[str, Callable[[], Project]] = {
+    "one link": lambda: _of_texts(*arm_files(1), "one link"),
+    "two links": lambda: _of_texts(*arm_files(), "two links"),
+    "stiff links": lambda: _of_texts(*arm_files(stiff=True), "stiff links"),
+    "a boom under gravity": lambda: _of_texts(*arm_files(gravity=True), "boom"),
+    "the arm of the paper": paper_project,
+    **{
+        text.summary: partial(_of_texts, mechanism_arm(kind), mechanism_scenario(kind), kind)
+        for kind, text in TEMPLATES.items()
+    },
+}
+
+
+def link_of(project: Project) -> str:
+    """Return a project as text for an address."""
+    choice = project.choice and astuple(project.choice)
+    content = [project.name, file_text(project.record), choice, content_of(project.beside)]
+    return urlsafe_b64encode(zlib.compress(json.dumps(content).encode(), 9)).decode()
+
+
+def open_link(text: str) -> Project:
+    """Open a text of `link_of`; InputError if it is damaged or too large."""
+    unpack = zlib.decompressobj()
+    try:
+        content = unpack.decompress(b64decode(text, b"-_", validate=True), LARGEST_FILE)
+        if not unpack.eof or unpack.unused_data:
+            raise ValueError
+        name, file, choice, beside = json.loads(content)
+        project = open_bytes(file.encode(), f"{name}.yaml")
+        if choice is not None:
+            project = replace(project, choice=Choice(*choice))
+        other = project if beside is None else project.edited(("drive",), beside)
+        drive = other.scenario.drive  # a choice of other names is a LookupError
+        return replace(project, beside=beside and drive)
+    except (ValueError, TypeError, LookupError, AttributeError, zlib.error):
+        hint = "Copy the whole address."
+        raise InputError(Problem("the link", "is damaged or incomplete", hint=hint)) from None
 
 
 def _stem(file: str) -> str:

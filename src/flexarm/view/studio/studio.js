@@ -32,7 +32,81 @@ window.flexarmStudio = (function () {
     const scenes = current.scenes.map((scene) => (wanted.rigid ? scene : { ...scene, ghost: null }));
     if (!load) load = makePlayer(place(), { ...current, scenes });
     else load({ ...current, scenes }, wanted.previous ? ghost : null);
+    placeHandles();
   }
+
+  // Handles on the picture for the points of the motion: [path, name, [x, y] in m].
+  // Lists that answer all but the last of the moves that were sent are older than the handles.
+  let points = [], sent = 0, unanswered = 0;
+  function setPoints(list) {
+    if (unanswered > 0 && --unanswered > 0) return;
+    const paths = (all) => all.map((point) => point[0]).join();
+    if (paths(list) !== paths(points)) document.querySelectorAll(".handle").forEach((each) => each.remove());
+    points = list;
+    placeHandles();
+  }
+  const canvasOfArm = () => document.querySelector(".picture .arm canvas");
+  function placeHandles() {
+    const canvas = canvasOfArm();
+    if (!canvas || !canvas.map) return;
+    const [toX, toY] = canvas.map, there = [...canvas.parentNode.querySelectorAll(".handle")];
+    points.forEach((point, k) => {
+      const handle = there[k] || addHandle(canvas.parentNode, k), [x, y] = point[2];
+      handle.style.left = toX(x) + "px";
+      handle.style.top = toY(y) + "px";
+      handle.setAttribute("aria-label", point[1] + " of the motion at " + x + ", " + y + " m");
+      handle.title = point[1] + ": " + x + ", " + y + " m. Drag it, or press the arrow keys.";
+    });
+  }
+  function addHandle(arm, k) {
+    const handle = document.createElement("button");
+    handle.className = "handle";
+    handle.type = "button";
+    arm.append(handle);
+    let moved = false;
+    // Go to a place in pixels of the canvas, in steps of a pixel.
+    function go(px, py) {
+      const [toX, toY] = canvasOfArm().map, scale = toX(1) - toX(0);
+      const digits = Math.max(0, Math.ceil(Math.log10(scale)));
+      points[k][2] = [(px - toX(0)) / scale, (toY(0) - py) / scale].map((v) => Number(v.toFixed(digits)));
+      moved = true;
+      placeHandles();
+      if (performance.now() - sent > 40) tell(false);
+    }
+    function tell(released) {
+      sent = performance.now();
+      unanswered += released;
+      emitEvent("studio_point", [points[k][0], points[k][2], released]);
+    }
+    function release() { if (moved) tell(true); moved = false; }
+    handle.addEventListener("pointerdown", (event) => handle.setPointerCapture(event.pointerId));
+    handle.addEventListener("pointermove", (event) => {
+      if (!handle.hasPointerCapture(event.pointerId)) return;
+      const canvas = canvasOfArm(), box = canvas.getBoundingClientRect();
+      const factor = canvas.clientWidth / box.width; // of a page that is enlarged
+      go((event.clientX - box.left) * factor, (event.clientY - box.top) * factor);
+    });
+    handle.addEventListener("lostpointercapture", release);
+    const steps = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+    handle.addEventListener("keydown", (event) => {
+      const step = steps[event.key], [toX, toY] = canvasOfArm().map, far = event.shiftKey ? 1 : 5;
+      if (!step) return;
+      event.preventDefault();
+      go(toX(points[k][2][0]) + far * step[0], toY(points[k][2][1]) + far * step[1]);
+    });
+    handle.addEventListener("keyup", release);
+    handle.addEventListener("blur", release);
+    return handle;
+  }
+  window.addEventListener("resize", () => requestAnimationFrame(placeHandles)); // drawn by then
+
+  // A link to a state is opened once; reloading the page keeps the state.
+  function follow() {
+    if (location.hash.length < 2) return;
+    emitEvent("studio_link", location.hash.slice(1));
+    history.replaceState({}, "", location.pathname);
+  }
+  window.addEventListener("hashchange", follow);
 
   // The player, and below it a box for each ghost.
   function place() {
@@ -73,5 +147,5 @@ window.flexarmStudio = (function () {
     event.preventDefault();
     document.querySelector("." + name).click();
   });
-  return { show, focus };
+  return { show, focus, follow, points: setPoints };
 })();

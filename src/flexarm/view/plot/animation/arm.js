@@ -8,6 +8,7 @@ function drawArm(scene, canvas, middle, half, frame, span) {
   const box = { left: 52, top: 28, width: side, height: side };
   const x = [middle[0] - half, middle[0] + half], y = [middle[1] - half, middle[1] + half];
   const [toX, toY] = axes(draw, box, x, y, "x [m]", "y [m]", [6, 6]);
+  canvas.map = [toX, toY]; // for pages with elements on the picture
   const entries = [];
   let title = scene.title;
   draw.save();

@@ -39,7 +39,7 @@ function prepare(canvas, width, height, ratio) {
 
 // Lines are sharp on every screen, and on paper at 300 dots per inch.
 function context(canvas) {
-  const ratio = printing ? 300 / 96 : window.devicePixelRatio || 1;
+  const ratio = printing ? 300 / 96 : (window.devicePixelRatio || 1) * (canvas.currentCSSZoom || 1);
   const width = canvas.clientWidth, height = canvas.clientHeight;
   return [prepare(canvas, width, height, ratio), width, height, ratio];
 }

@@ -46,6 +46,8 @@ _USUAL: dict[type[Record], tuple[str, ...]] = {
 _MOST_NUMBERS = 12
 _POINT = re.compile(r"\[x, y\]|: x along")
 _AXES = ("x", "y")
+#: In the description of a point of the plane.
+_PLACE = "world frame (m)"
 #: Entry of a list for a value that is omitted.
 _OMITTED = "not set"
 _MORE = "More values"
@@ -98,7 +100,16 @@ def groups_of(project: state.Project) -> list[Group]:
             groups.append(Group(_title(one), partial(of.group, described)))
         elif name not in ("arm", *SAMPLED):
             groups.append(Group(_title(name), partial(of.group, _value_of(record, name, ()))))
+    groups.append(Group("Comparison", partial(_comparison, project.beside is not None)))
     return groups
+
+
+def _comparison(two: bool) -> Iterator[_Entry]:
+    """Yield the buttons of a second drive."""
+    texts = {state.MOVE: "Exchange both drives", state.REMOVE: "Remove the drive beside"}
+    about = "Its run is shown beside that of the drive, with a table of both."
+    for word, text in texts.items() if two else [(state.NEW, "Compare with another drive")]:
+        yield Field((state.BESIDE, word), text, None, "button", "", about)
 
 
 def _title(name: str) -> str:
@@ -354,6 +365,23 @@ def _has_points(record: Record) -> bool:
     return _few_numbers(value, form)
 
 
+def points_of(project: state.Project) -> list[tuple[Path, str, tuple[float, float]]]:
+    """Return the points of the motion of the tip: path, name in words, and place [x, y] m."""
+    motion = project.scenario.motion
+    inside: Path = ("motion", "path") if hasattr(motion, "path") else ("motion",)
+    spec: Record | None = getattr(motion, "path", motion)
+    points: list[tuple[Path, str, tuple[float, float]]] = []
+    for name, about in descriptions_of(type(spec)).items() if spec is not None else ():
+        value = getattr(spec, name)
+        if _PLACE not in about:
+            continue
+        if isinstance(value[0], tuple):
+            points += [((*inside, name, k), f"point {k + 1}", at) for k, at in enumerate(value)]
+        else:
+            points.append(((*inside, name), name, value))
+    return points
+
+
 #: Entries of a list, as value and word, under titles; an empty title is not shown.
 _Choices = tuple[tuple[str, tuple[tuple[Any, str], ...]], ...]
 
@@ -489,7 +517,7 @@ def _range_of(name: str, value: float, description: str, form: Form, sizes: Size
         most = {"link": sizes.links, "joint": sizes.links}.get(name, max(8.0, 2.0 * value))
         least = -most if lowest < 0.0 else lowest
         return _Range(least, max(min(most, highest), least + 1.0, value), 1.0)
-    if "world frame (m)" in description:
+    if _PLACE in description:
         return _Range(-sizes.reach, sizes.reach, _nice(sizes.reach / 300.0))
     scale = abs(value) or _USUAL_MOST.get(unit_of(description), 1.0) / 2.0
     high = sizes.longest if name == "station" else _nice(2.0 * scale)

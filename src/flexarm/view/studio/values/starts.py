@@ -16,7 +16,7 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import FlexarmError
 from flexarm.cases.scenario.references import motion_of
 from flexarm.control.design.arm_scales import arm_scales
-from flexarm.linear import modes
+from flexarm.linear import assembled, modes
 from flexarm.model import ArmSpec, Instrument, InstrumentFault, Scenario, environment, surfaces
 from flexarm.model.arm.joints import Friction, JointLimits, Winding
 from flexarm.model.arm.links import (
@@ -48,8 +48,17 @@ _DURATION, _ANGLE = 2.0, 0.5
 
 
 def scenario_around(arm: ArmSpec) -> Scenario:
-    """Return a scenario of an arm: all joints turn, by the torques of the rigid arm."""
-    joints = Arm(arm).n_joints
+    """Return a scenario of an arm: all joints turn, by the torques of the rigid arm.
+
+    Closed loops start near bent angles, and joint 1 pushes them.
+    """
+    model = Arm(arm)
+    joints = model.n_joints
+    if arm.closures:
+        guess = model.rest(_ANGLE * (-1.0) ** np.arange(joints))
+        angles = [short(v) for v in model.joint_angles(assembled(model, guess).q)]
+        initial = {"joint_angle": angles, "joint_rate": [1.0, *[0.0] * (joints - 1)]}
+        return Scenario(arm=arm, initial=initial, run={"duration": 1.5 * _DURATION})  # type: ignore[arg-type]
     motion = _joints(np.zeros(joints), np.full(joints, _ANGLE)) if joints else None
     drive = {"kind": "rigid_inverse_dynamics" if joints else "none"}
     run = {"duration": 1.5 * _DURATION}
@@ -403,7 +412,7 @@ class _Design:
     def inertia(self) -> FloatArray:
         """Rotary inertia (joints,) kg m^2 at each joint of the rigid arm."""
         rigid = self.arm.rigid()
-        return np.diag(rigid.mass_matrix(rigid.rest(self.ends[0])))
+        return np.diag(rigid.mass_matrix(rigid.rest(self.ends[0])))[rigid.joint_index]
 
     @cached_property
     def derivative(self) -> FloatArray:
