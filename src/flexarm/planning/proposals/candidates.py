@@ -410,7 +410,8 @@ class Loops:
     def best(self, candidate: Candidate, disk_margin: float, delay: float) -> Assessed | None:
         """Return the best setting of a candidate; None, and ``error``, if none can be designed.
 
-        Margins take time, so that they are computed from the fastest decay on, until one suffices.
+        Margins take time, so that they are computed from the fastest decay on, until one suffices,
+        and of each setting until it is not better than another one.
         """
         found = []
         with warnings.catch_warnings():  # the table shows what they warn of
@@ -420,20 +421,21 @@ class Loops:
                     found.append(self.assess(drive))
                 except FlexarmError as error:  # no solution of a Riccati equation, no equilibrium
                     self.error = str(error)
-        done = []
+        best: Assessed | None = None
         for one, loops in sorted(found, key=lambda pair: pair[0].margins["growth"]):
-            if loops:
-                gain, _, phase, late, disk = zip(*(margins_at(loop) for loop in loops), strict=True)
-                one.margins.update(
-                    gain_margin=float(np.min(gain)),
-                    phase_margin=float(np.min(phase)),
-                    delay_margin=float(np.min(late)),
-                    disk_margin=float(np.min(disk)),
-                )
-            done.append(one)
-            if all(one.value(disk_margin, delay)[:2]):
+            worst = dict.fromkeys(_UNSTABLE, np.inf) if loops else {}
+            for loop in loops:
+                gain, _, phase, late, disk = margins_at(loop)
+                of_loop = dict(zip(_UNSTABLE, (disk, gain, phase, late), strict=True))
+                worst = {name: min(worst[name], float(np.min(of_loop[name]))) for name in worst}
+                one.margins.update(worst)
+                if best and one.value(disk_margin, delay) <= best.value(disk_margin, delay):
+                    break
+            if best is None or one.value(disk_margin, delay) > best.value(disk_margin, delay):
+                best = one
+            if all(best.value(disk_margin, delay)[:2]):
                 break
-        return max(done, key=lambda one: one.value(disk_margin, delay), default=None)
+        return best
 
 
 def scenario_of(content: Mapping[str, Any], drive: Drive) -> Scenario:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
@@ -126,22 +126,27 @@ def stability(
     text = describe_instability(poles, loop.controller.sample_time)
     if not text:
         return Stability("", growth)
-    for share in _SHARES:
-        cured, cure = _with_inertia(loop.plant, share)
-        if cured is None:
-            break
+    for cured, cure in with_inertia(loop.plant):
         poles = loop_poles(loop._replace(plant=cured))
         if poles and max(pole.growth for pole in poles) <= 0.0:
-            return Stability(f"{text} {cure}", growth)
+            return Stability(f"{text} {NO_INERTIA} with {cure} the loop is stable.", growth)
     return Stability(text, growth)
 
 
-def _with_inertia(plant: Arm, share: float) -> tuple[Arm | None, str]:
-    """Return the arm with inertia at its joints without any, and a sentence that names it.
+#: Begin of the sentence that names the inertia of motors as a cure.
+NO_INERTIA = "The arm has no inertia of motors:"
+
+
+def with_inertia(plant: Arm) -> Iterator[tuple[Arm, str]]:
+    """Yield the arm with more and more inertia at its joints without any, and what they have.
 
     A torque on a flexible link without inertia of rotor or housing excites its fastest modes, which
-    no sampled feedback of the joint damps. None if every joint has both.
+    no sampled feedback of the joint damps. Nothing if every joint has both.
     """
+    return (pair for share in _SHARES if (pair := _with_share(plant, share)) is not None)
+
+
+def _with_share(plant: Arm, share: float) -> tuple[Arm, str] | None:
     joints, places, sizes = list(plant.spec.joints), [], []
     for i, (link, joint) in enumerate(zip(plant.spec.links, joints, strict=True)):
         beam = link.beam()
@@ -157,11 +162,8 @@ def _with_inertia(plant: Arm, share: float) -> tuple[Arm | None, str]:
             places.append(f"joints[{i}] {' and '.join(added)}")
             sizes.append(f"{inertia:.2g}")
     if not places:
-        return None, ""
-    text = (
-        f"The arm has no inertia of motors: with {', '.join(places)} of {', '.join(sizes)} kg m^2 "
-        "the loop is stable."
-    )
+        return None
+    text = f"{', '.join(places)} of {', '.join(sizes)} kg m^2"
     return Arm(plant.spec.replace(joints=joints)), text
 
 
