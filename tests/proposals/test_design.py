@@ -424,10 +424,15 @@ def elbow(**joint):
     return fa.Arm(arm.spec.replace(joints=joints, gravity=(0.0, -9.81)))
 
 
+def advice_for(**joint):
+    """Return the advice of a design that no candidate suits."""
+    needs = needs_of(elbow(**joint), "point_to_point")
+    return _lacking(needs, {}, candidates_of(needs))
+
+
 def test_the_advice_for_an_elbow_without_inertia_names_what_makes_its_loop_stable():
     """The inertia at the missing place alone, of the size that the advice names, is the cure."""
-    needs = needs_of(elbow(hub_inertia=0.03), "point_to_point")
-    advice = _lacking(needs)
+    advice = advice_for(hub_inertia=0.03)
     begin = "The arm has no inertia of motors: with joints[1] housing_inertia of "
     assert advice.startswith(begin)
     assert advice.endswith(" kg m^2, joint PID is accepted.")
@@ -439,7 +444,7 @@ def test_the_advice_for_an_elbow_without_inertia_names_what_makes_its_loop_stabl
         found, _ = _best(heavier, case_of(heavier), [simplest])
         accepted[size] = found["joint PID"].refusal(heavier.delay) == ""
     assert accepted == {0.0: False, inertia: True}
-    assert _lacking(needs_of(elbow(hub_inertia=0.03, housing_inertia=0.03), "hold")) == ""
+    assert advice_for(hub_inertia=0.03, housing_inertia=0.03) == ""
 
 
 def test_the_reason_why_nothing_can_be_designed_is_named(monkeypatch):

@@ -22,7 +22,7 @@ from flexarm.control.analysis.margins import (
     without_friction,
 )
 from flexarm.control.analysis.sampled_loop import PlantModel, SampledLoop
-from flexarm.control.design.arm_scales import NOISE, joint_inertias
+from flexarm.control.design.arm_scales import NOISE, near_inertias, rigid_inertias
 from flexarm.control.design.linear_design import CHORD
 from flexarm.control.laws.task_controller import HybridForce, Impedance
 from flexarm.integrate.base import FloatArray
@@ -183,10 +183,15 @@ def _frequency(needs: Requirements) -> float:
     return float(min(2.0 * np.pi / needs.period, limit))
 
 
+def _inertias(needs: Requirements) -> FloatArray:
+    """Return the largest inertias (joints,) kg m^2 of the rigid arm along the motion."""
+    return np.max([rigid_inertias(needs.arm, posture) for posture in needs.postures], axis=0)
+
+
 def _joint_loop(needs: Requirements, factor: float, damping: float) -> Drive:
     """Return joint PD; under gravity joint PID, which knows the limits of the motors."""
     lag = needs.rate_delay + 0.5 * needs.sample_time
-    near, inertia = joint_inertias(needs.arm, needs.postures, lag)
+    near, inertia = near_inertias(needs.arm, needs.postures, lag), _inertias(needs)
     omega = np.minimum(factor * _frequency(needs), _NEAR * near / (2.0 * damping * lag * inertia))
     drive: Drive = {
         "kind": _JOINT_LOOPS[needs.heavy].replace(" ", "_").lower(),
@@ -226,22 +231,16 @@ def _redefined(needs: Requirements) -> Iterator[Drive]:
 
 def _shaping(needs: Requirements) -> Iterator[Drive]:
     damped = all(link.damping is not None for link in needs.arm.spec.links if link.flexible)
-    for factor in _CROSSOVERS:
+    for bandwidth in np.multiply(_CROSSOVERS, _frequency(needs)):
         yield {
             "kind": "loop_shaping",
-            "bandwidth": float(f"{factor * _frequency(needs):.3g}"),
+            "bandwidth": rounded([bandwidth])[0],
             "rigidity_uncertainty": max(_SOME, needs.rigidity) if damped else 0.0,
             "delay": needs.delay,
-            **_integral_shaping(needs, factor),
+            **({"integral": rounded([_SHAPED_INTEGRAL * bandwidth])[0]} if needs.heavy else {}),
             **_designs(needs),
             "sample_time": needs.sample_time,
         }
-
-
-def _integral_shaping(needs: Requirements, factor: float) -> Drive:
-    """Return the integral feedback of loop shaping, under gravity only."""
-    rate = _SHAPED_INTEGRAL * factor * _frequency(needs)
-    return {"integral": float(f"{rate:.3g}")} if needs.heavy else {}
 
 
 def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
@@ -256,9 +255,7 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
         del measured["strain"]
     common: Drive = {
         "acceptable": {"tip": tip, "joint_rate": rate},
-        "acceptable_torque": rounded(
-            _BRISK * omega**2 * joint_inertias(needs.arm, needs.postures, needs.sample_time)[1]
-        ),
+        "acceptable_torque": rounded(_BRISK * omega**2 * _inertias(needs)),
     }
     if needs.arm.n_joints > 2:  # the tip does not determine the joints
         common["acceptable"]["joint_angle"] = _ANGLE

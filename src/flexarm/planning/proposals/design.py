@@ -83,7 +83,8 @@ class ControllerDesign:
             (``disk_margin``, ``gain_margin``, ``phase_margin``, ``delay_margin``, ``growth``,
             ``damping_ratio`` of the vibration that decays slowest) and ``states``, the numbers that
             the controller keeps between samples; over ``candidate`` and ``plant`` the metrics of
-            `flexarm.compare`, and ``score``, the sum of those that are compared.
+            `flexarm.compare`, and ``score``, the sum of those that are compared; NaN for refused
+            candidates, which are not simulated unless all are refused.
         scenario: run of the proposed controller on the arm of the model.
         scenarios: the same of all candidates, by name.
         refusal: why the proposal should not be used, or empty; ``save`` then raises.
@@ -221,12 +222,12 @@ def design(
     found, errors = _best(needs, content, candidates)
     if not found:
         rule = "has no controller among the candidates that can be designed for this arm"
-        hint = _lacking(needs) or "Give the links damping, or use other sensors."
+        hint = _lacking(needs, found, candidates) or "Give the links damping, or use other sensors."
         raise InputError(Problem("task", rule, hint=f"{hint} {' '.join(errors.values())}"))
     _wait_until_settled(needs, content, found)
     table = _table(needs, content, found, progress)
     chosen = _chosen(needs, found, table)
-    lacking = _lacking(needs) if any(one.refusal(needs.delay) for one in found.values()) else ""
+    lacking = _lacking(needs, found, candidates)
     refusal = _refusal(needs, found, table, chosen, lacking)
     reasons = (*reasons_of(needs, candidates, found, table, chosen), *errors.values())
     reasons = (*reasons, lacking) if lacking and not refusal else reasons
@@ -258,14 +259,21 @@ def _best(
     return found, errors
 
 
-def _lacking(needs: Requirements) -> str:
-    """Return the inertia of motors with which the simplest candidate is accepted; or empty."""
+def _lacking(
+    needs: Requirements, found: Mapping[str, Assessed], candidates: Sequence[Candidate]
+) -> str:
+    """Return the inertia of motors with which the last, simplest candidate is accepted.
+
+    Empty if it is accepted without, or not even with it.
+    """
+    name = candidates[-1].name
+    if name in found and not found[name].refusal(needs.delay):
+        return ""
     for arm, inertia in with_inertia(needs.arm):
         cured = replace(needs, arm=arm)
-        simplest = candidates_of(cured)[-1]
-        found, _ = _best(cured, case_of(cured), [simplest])
-        if found and not found[simplest.name].refusal(needs.delay):
-            return f"{NO_INERTIA} with {inertia}, {simplest.name} is accepted."
+        best, _ = _best(cured, case_of(cured), candidates_of(cured)[-1:])
+        if best and not best[name].refusal(needs.delay):
+            return f"{NO_INERTIA} with {inertia}, {name} is accepted."
     return ""
 
 
@@ -373,7 +381,7 @@ _DISTURBED = 0.01
 #: start; and time after the motion.
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
 #: Time after the motion: time constants of the slowest pole of a loop, and the most periods.
-_SETTLED, _LONGEST = 6.0, 20.0
+_SETTLED, _LONGEST = 10.0, 20.0
 #: Share of a run with a motor at its limit above which the reasons mention it.
 _LIMITED = 0.1
 #: Recorded samples in a period of the lowest frequency.

@@ -143,28 +143,24 @@ def with_inertia(plant: Arm) -> Iterator[tuple[Arm, str]]:
     A torque on a flexible link without inertia of rotor or housing excites its fastest modes, which
     no sampled feedback of the joint damps. Nothing if every joint has both.
     """
-    return (pair for share in _SHARES if (pair := _with_share(plant, share)) is not None)
-
-
-def _with_share(plant: Arm, share: float) -> tuple[Arm, str] | None:
-    joints, places, sizes = list(plant.spec.joints), [], []
-    for i, (link, joint) in enumerate(zip(plant.spec.links, joints, strict=True)):
-        beam = link.beam()
-        squares = np.array(beam.mass_per_length) * np.square(beam.x)
-        inertia = share * float(np.trapezoid(squares, beam.x))
-        added = {}
-        if not (joint.fixed or joint.hub_inertia or joint.rotor_inertia):
-            added["hub_inertia"] = inertia
-        if i > 0 and not (joint.fixed or joint.housing_inertia):
-            added["housing_inertia"] = inertia
-        if added and inertia > 0.0:
-            joints[i] = joint.replace(**added)
-            places.append(f"joints[{i}] {' and '.join(added)}")
-            sizes.append(f"{inertia:.2g}")
-    if not places:
-        return None
-    text = f"{', '.join(places)} of {', '.join(sizes)} kg m^2"
-    return Arm(plant.spec.replace(joints=joints)), text
+    for share in _SHARES:
+        joints, places, sizes = list(plant.spec.joints), [], []
+        for i, (link, joint) in enumerate(zip(plant.spec.links, joints, strict=True)):
+            beam = link.beam()
+            squares = np.array(beam.mass_per_length) * np.square(beam.x)
+            inertia = share * float(np.trapezoid(squares, beam.x))
+            added = {}
+            if not (joint.fixed or joint.hub_inertia or joint.rotor_inertia):
+                added["hub_inertia"] = inertia
+            if i > 0 and not (joint.fixed or joint.housing_inertia):
+                added["housing_inertia"] = inertia
+            if added and inertia > 0.0:
+                joints[i] = joint.replace(**added)
+                places.append(f"joints[{i}] {' and '.join(added)}")
+                sizes.append(f"{inertia:.2g}")
+        if places:
+            text = f"{', '.join(places)} of {', '.join(sizes)} kg m^2"
+            yield Arm(plant.spec.replace(joints=joints)), text
 
 
 def describe_instability(poles: Sequence[LoopPole], sample_time: float) -> str:
