@@ -185,7 +185,8 @@ def _frequency(needs: Requirements) -> float:
 
 def _inertias(needs: Requirements) -> FloatArray:
     """Return the largest inertias (joints,) kg m^2 of the rigid arm along the motion."""
-    return np.max([rigid_inertias(needs.arm, posture) for posture in needs.postures], axis=0)
+    each = [rigid_inertias(needs.arm, posture) for posture in needs.postures]
+    return np.asarray(np.max(each, axis=0))
 
 
 def _joint_loop(needs: Requirements, factor: float, damping: float) -> Drive:
