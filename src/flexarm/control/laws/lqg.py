@@ -493,8 +493,7 @@ class Composite(CompositeParameters, LQG):
 
     The slow part gives the joint errors of the rigid model a bandwidth and a damping ratio. The
     fast part returns the links to the slow manifold with the linear-quadratic gain of the boundary
-    layer. Both use the state that the Kalman filter of `LQG` estimates. Without an integral, a
-    weight that differs from the model leaves joint errors, which margins do not show.
+    layer. Both use the state that the Kalman filter of `LQG` estimates.
 
     Attributes:
         fast_designs: the `FastDesign` of each posture of the grid.
