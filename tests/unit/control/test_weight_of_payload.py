@@ -43,7 +43,7 @@ def rest_error(controller: fa.Controller, payload: float) -> np.ndarray:
 @pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
 def test_composite_control_rests_beside_its_reference_although_its_margins_are_good() -> None:
-    """It has no integral: the error is that of its stiffness, proportional to the weight."""
+    """It has no integral: the error is proportional to the weight that its model lacks."""
     controller = fa.Composite(arm_with(0.3), POSTURE)
     heavy = fa.loop_margins(controller, arm_with(0.6), POSTURE)
     assert heavy.growth.max() < -3.0
