@@ -6,7 +6,9 @@ has the data sheet: the arm with its nominal payload, the hardware, and the unce
 proposal then runs on plants with any payload from none to twice the nominal one, and with any
 rigidity within 20 % for each link. A study file has one arm, so this is a script.
 
-    python -m benchmarks.unfamiliar_arms FIRST LAST [TASK]
+    python -m benchmarks.unfamiliar_arms FIRST LAST [TASK [FILE]]
+
+The rows are appended to a file, from which an interrupted bench goes on.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -230,11 +233,20 @@ def summary(rows: list[dict[str, Any]], task: str = "point_to_point") -> str:
     )
 
 
+def rows_in(place: Path) -> dict[int, dict[str, Any]]:
+    """Return the rows of a file by the number of their arm; none if it does not exist."""
+    lines = place.read_text(encoding="utf-8").splitlines() if place.exists() else []
+    return {row["seed"]: row for row in map(json.loads, lines)}
+
+
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
-    first, last, *tasks = sys.argv[1:]
-    measured = []
-    for number in range(int(first), int(last)):
-        measured.append(measure(number, *tasks))
-        print(json.dumps(measured[-1]), flush=True)
-    print(summary(measured, *tasks))
+    first, last = map(int, sys.argv[1:3])
+    task, place = (*sys.argv[3:], *("point_to_point", "unfamiliar_arms.jsonl")[len(sys.argv) - 3 :])
+    rows = rows_in(Path(place))
+    for number in range(first, last):
+        if number not in rows:
+            rows[number] = measure(number, task)
+            with open(place, "a", encoding="utf-8") as file:
+                print(json.dumps(rows[number]), file=file)
+    print(summary([rows[number] for number in range(first, last)], task))

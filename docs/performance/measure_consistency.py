@@ -1,11 +1,11 @@
-"""Consistency of the extended Kalman filter: errors against its own covariance, over seeds.
+"""Consistency of the filters: errors against their own covariance, over seeds.
 
 Three arms, at standstill and in motion. For each seed everything that the filter takes for
 random is drawn as it assumes: the payload, the initial rates and vibrations, the torque noise, the
 noise of the readings. If the covariance is right, the normalised estimation error squared is 1 per
 state on average, and its mean over the runs within the band of the chi-squared distribution.
 
-    python docs/performance/measure_consistency.py [seeds]
+    python docs/performance/measure_consistency.py [seeds [filter]]
 """
 
 from __future__ import annotations
@@ -79,6 +79,14 @@ ARMS = {
 }
 
 
+#: Filters by the names of the page.
+FILTERS = {
+    "extended": fa.ExtendedKalmanFilter,
+    "unscented": fa.UnscentedKalmanFilter,
+    "moving horizon": fa.MovingHorizonEstimator,
+}
+
+
 class Shaken(fa.Controller):
     """A joint PD whose torque acts with an error that it does not know."""
 
@@ -97,7 +105,7 @@ class Shaken(fa.Controller):
         return torque + TORQUE_NOISE * self.random.standard_normal(torque.size)
 
 
-def errors(name, moving, seed):
+def errors(name, moving, seed, kind="extended"):
     """Return the normalised errors squared at the times JUDGED, and whether it passed its test."""
     arm, (proportional, derivative, start, end) = ARMS[name]
     random = np.random.default_rng([seed, 0])
@@ -125,7 +133,7 @@ def errors(name, moving, seed):
         atol=1e-10,
     )
     readings = {item.label: run[f"measured_{item.label}"].values for item in INSTRUMENTS}
-    estimator = fa.ExtendedKalmanFilter(
+    estimator = FILTERS[kind](
         arm, INSTRUMENTS, TORQUE_NOISE, payload_deviation=mean, rate_deviation=RATE,
         energy_deviation=ENERGY,
     )  # fmt: skip
@@ -139,27 +147,29 @@ def errors(name, moving, seed):
     return squared, found.consistent
 
 
-def row(name, moving, seeds):
+def row(name, moving, seeds, kind="extended"):
     """Return a line of the table: means of the normalised errors squared per state, and band."""
     size = seeds * (2 * ARMS[name][0].dof + 1)
     low, high = chi2.ppf([0.025, 0.975], size) / size
-    squared, consistent = zip(*(errors(name, moving, seed) for seed in range(seeds)), strict=True)
+    squared, consistent = zip(
+        *(errors(name, moving, seed, kind) for seed in range(seeds)), strict=True
+    )
     means = " | ".join(f"{mean:.3f}" for mean in np.sum(squared, axis=0) / size)
     state = "in motion" if moving else "at rest"
     alarms = seeds - sum(consistent)
     return f"| {name} | {state} | {means} | {low:.3f} to {high:.3f} | {alarms} |"
 
 
-def main(seeds):
-    """Print the table of the page."""
+def main(seeds, kind="extended"):
+    """Print the table of the page, for one of the ``FILTERS``."""
     warnings.simplefilter("ignore")
     heads = " | ".join(f"at {t} s" for t in JUDGED)
     print(f"| arm | joints | {heads} | 95 % band | inconsistent |")
     print("| --- " * (4 + len(JUDGED)) + "|")
     for name in ARMS:
         for moving in (False, True):
-            print(row(name, moving, seeds), flush=True)
+            print(row(name, moving, seeds, kind), flush=True)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100, *sys.argv[2:])

@@ -49,6 +49,13 @@ def test_summary_counts_successes_and_warnings() -> None:
     )
 
 
+def test_an_interrupted_bench_goes_on_from_its_rows(tmp_path) -> None:
+    place = tmp_path / "rows.jsonl"
+    assert bench.rows_in(place) == {}
+    place.write_text('{"seed": 3, "kind": "four links"}\n{"seed": 5, "kind": "two links"}\n')
+    assert sorted(bench.rows_in(place)) == [3, 5]
+
+
 @pytest.mark.thorough
 @pytest.mark.parametrize("seed", [0, 4, 8])
 def test_designs_settle_on_all_plants(seed: int) -> None:

@@ -12,8 +12,17 @@ from flexarm.base.errors import Problem
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.planning.proposals.candidates import Assessed, Candidate, Loops, candidates_of
-from flexarm.planning.proposals.design import _chosen, _refusal, case_of, plants_of, reasons_of
+from flexarm.planning.proposals.design import (
+    _best,
+    _chosen,
+    _lacking,
+    _refusal,
+    case_of,
+    plants_of,
+    reasons_of,
+)
 from flexarm.planning.proposals.requirements import requirements_of
+from flexarm.simulation.calls.compare import Evaluation
 
 DEFAULTS = {
     "sensors": None,
@@ -379,15 +388,63 @@ def test_a_proposal_that_fails_on_an_arm_names_it():
 
 
 def test_no_complete_run_on_the_model_is_an_error(monkeypatch):
-    def failing(self, progress):
-        found = run(self, progress)
-        found["failure"] = xr.full_like(found["failure"], "the state is not finite", dtype=object)
-        return found
+    def failing(self, *run):
+        return Evaluation(failure="the state is not finite")
 
-    run = PreparedStudy.run
-    monkeypatch.setattr(PreparedStudy, "run", failing)
+    monkeypatch.setattr(PreparedStudy, "evaluation", failing)
     with pytest.raises(fa.SimulationError, match=r"no candidate completes.*state is not finite"):
         fa.design(one_link(), "hold", computing="low", sensors="joints", progress=False)
+
+
+def test_refused_candidates_are_not_simulated_and_failing_designs_give_their_reason(monkeypatch):
+    assess = Loops.assess
+
+    def poor(self, drive):
+        if drive["kind"] == "lqg":
+            raise fa.InputError(Problem("acceptable", "gives no weight to a mode"))
+        one, loops = assess(self, drive)
+        if drive["kind"] == "joint_pd":
+            return one, loops
+        return one._replace(margins={**one.margins, "growth": 1.0}), []
+
+    monkeypatch.setattr(Loops, "assess", poor)
+    found = fa.design(one_link(), "hold", sensors="joints", duration=0.5, progress=False)
+    assert found.chosen == "joint PD"
+    assert "LQG could not be designed: acceptable gives no weight to a mode." in found.reasons
+    shaped = found.table.sel(candidate="loop shaping", plant="nominal")
+    assert shaped.failure.item() == "It is not simulated, because it is unstable."
+    assert np.isnan(shaped.score)
+    assert found.table.score.sel(candidate="joint PD", plant="nominal") > 0.0
+
+
+def elbow(**joint):
+    """Return two links of which the outer motor has the inertia of ``joint``."""
+    arm = two_links()
+    joints = [arm.spec.joints[0], fa.Joint(mass=0.5, **joint)]
+    return fa.Arm(arm.spec.replace(joints=joints, gravity=(0.0, -9.81)))
+
+
+def advice_for(**joint):
+    """Return the advice of a design that no candidate suits."""
+    needs = needs_of(elbow(**joint), "point_to_point")
+    return _lacking(needs, {}, candidates_of(needs))
+
+
+def test_the_advice_for_an_elbow_without_inertia_names_what_makes_its_loop_stable():
+    """The inertia at the missing place alone, of the size that the advice names, is the cure."""
+    advice = advice_for(hub_inertia=0.03)
+    begin = "The arm has no inertia of motors: with joints[1] housing_inertia of "
+    assert advice.startswith(begin)
+    assert advice.endswith(" kg m^2, joint PID is accepted.")
+    inertia = float(advice.removeprefix(begin).split()[0])
+    accepted = {}
+    for size in (0.0, inertia):
+        heavier = needs_of(elbow(hub_inertia=0.03, housing_inertia=size), "point_to_point")
+        simplest = candidates_of(heavier)[-1]
+        found, _ = _best(heavier, case_of(heavier), [simplest])
+        accepted[size] = found["joint PID"].refusal(heavier.delay) == ""
+    assert accepted == {0.0: False, inertia: True}
+    assert advice_for(hub_inertia=0.03, housing_inertia=0.03) == ""
 
 
 def test_the_reason_why_nothing_can_be_designed_is_named(monkeypatch):

@@ -466,7 +466,8 @@ class SampledFeedforward:
             return numbers(self._function(t + self._later))
         if not self._first <= k < self._first + len(self._values):
             self._first = k
-            times = np.arange(k, k + _AHEAD) * self._sample_time + self._later
+            count = _AHEAD if len(self._values) else 1  # an analysis evaluates one sample only
+            times = np.arange(k, k + count) * self._sample_time + self._later
             self._values = np.asarray(self._function(times))  # type: ignore[arg-type]
         now: FloatArray = self._values[k - self._first]
         return now

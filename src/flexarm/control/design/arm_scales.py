@@ -88,11 +88,17 @@ def typical_torque(arm: Arm, posture: ArrayLike | None, rate: float) -> FloatArr
     By a quarter of its square, for the rigid model in a posture (joints,) rad; zero by default. The
     base and the other joints are at rest, without closures.
     """
+    return _BRISK * rate**2 * rigid_inertias(arm, posture)
+
+
+def rigid_inertias(arm: Arm, posture: ArrayLike | None = None) -> FloatArray:
+    """Return the inertias (joints,) kg m^2, or kg, of the rigid arm about its joints.
+
+    In a posture (joints,) rad; straight by default.
+    """
     at = np.zeros(arm.n_joints) if posture is None else np.asarray(posture, dtype=np.float64)
     rigid = arm.rigid()
-    inertia = np.diag(rigid.mass_matrix(rigid.rest(at)))[rigid.joint_index]
-    torque: FloatArray = _BRISK * rate**2 * inertia
-    return torque
+    return np.asarray(np.diag(rigid.mass_matrix(rigid.rest(at)))[rigid.joint_index])
 
 
 def design_requirements(
@@ -186,27 +192,25 @@ def slow_rate(arm: Arm, sample_time: float, delay: float = 0.0) -> float:
     rate = min(lowest_frequency(arm), RIGID / sample_time)
     if delay == 0.0:
         return rate
-    near, whole = joint_inertias(arm, np.zeros((1, arm.n_joints)), delay)
-    return min(rate, _LATE / delay * float(np.min(near / whole)))
+    near = near_inertias(arm, np.zeros((1, arm.n_joints)), delay)
+    return min(rate, _LATE / delay * float(np.min(near / rigid_inertias(arm))))
 
 
-def joint_inertias(arm: Arm, postures: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
-    """Return two inertias (joints,) kg m^2 about each joint at postures (k, joints) rad.
+def near_inertias(arm: Arm, postures: FloatArray, time: float) -> FloatArray:
+    """Return the least inertias (joints,) kg m^2 that torques turn in a ``time`` (s).
 
-    The least one that a torque turns in a ``time`` (s): that of the modes with at most two periods
-    in it. All modes would turn less, the more elements there are. And the largest one of the rigid
-    arm.
+    Of postures (k, joints) rad, by the modes with at most two periods in this time. All modes would
+    turn less, the more elements there are.
     """
     from scipy.linalg import eigh
 
-    rigid, moved, masses = arm.rigid(), [], []
+    moved = []
     for angles in postures:
         q = arm.rest(angles)
         squares, shapes = eigh(arm.stiffness_matrix(q), arm.mass_matrix(q))
         slow = squares <= (4.0 * np.pi / time) ** 2
         moved.append(np.sum(shapes[arm.joint_index][:, slow] ** 2, axis=1))
-        masses.append(np.diag(rigid.mass_matrix(rigid.rest(angles)))[rigid.joint_index])
-    return np.asarray(1.0 / np.max(moved, axis=0)), np.max(masses, axis=0)
+    return np.asarray(1.0 / np.max(moved, axis=0))
 
 
 def arm_scales(arm: Arm, rate: float) -> ArmScales:

@@ -379,7 +379,7 @@ class PreviewedReference:
         """Compute more samples, at least up to the end of the preview."""
         many = bool(getattr(reference, "vectorized", False))
         count = self._start + self._steps - self._end
-        count = max(count, _AHEAD) if many else count
+        count = max(count, _AHEAD) if many and self._end else count  # an analysis has one sample
         if self._end + count > len(self._angle):
             known = self._end - self._start
             for buffer in self._buffers:

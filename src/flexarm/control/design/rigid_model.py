@@ -21,7 +21,7 @@ from flexarm.kernels.controller_terms.task_dynamics import task_dynamics, tip_to
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.composite_body import mass_matrix
 from flexarm.kernels.recursion.newton_euler import inverse_dynamics_many
-from flexarm.model.arm.spec import UNDRIVEN, serial_only
+from flexarm.model.arm.spec import FREE_BASE, serial_only
 from flexarm.model.wording import nearest
 from flexarm.motion.dynamics.dynamics_along import Actuation
 from flexarm.motion.dynamics.following_base import FollowingBase
@@ -203,7 +203,7 @@ class RigidParameters:
     def __init__(
         self, arm: Arm, names: Sequence[str] = (), smoothing_rate: FloatArray | None = None
     ) -> None:
-        serial_only(arm.spec, "a controller with parameters of the rigid model", UNDRIVEN[:1])
+        serial_only(arm.spec, "a controller with parameters of the rigid model", FREE_BASE)
         self.names, self.joints = tuple(names), arm.n_joints
         rigid = arm.rigid()
         exact = rigid.assembly.constants

@@ -25,7 +25,7 @@ from flexarm.base.arguments import (
 )
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.arm_scales import typical_rate, typical_torque
+from flexarm.control.design.arm_scales import rigid_inertias, typical_rate, typical_torque
 from flexarm.control.filters.estimates import Estimates, InnovationTest, Layout
 from flexarm.control.filters.predicted_readings import (
     PredictedReadings,
@@ -37,7 +37,7 @@ from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
 from flexarm.model import Instrument
-from flexarm.model.arm.spec import UNDRIVEN
+from flexarm.model.arm.spec import CLOSURES
 from flexarm.model.drives.around import FilterParameters
 from flexarm.model.paths import number_at, with_number
 
@@ -97,17 +97,10 @@ def tip_mass(arm: Arm) -> float:
     the tip are inversely proportional to this mass plus the payload mass. Therefore they are nearly
     exponential in the logarithm of the sum, even for a payload of zero.
     """
-    inertia = _inertia(arm, -1)
+    inertia = float(rigid_inertias(arm)[-1])
     turns = arm.spec.joints[arm.assembly.seats[-1].link].kind == "revolute"
     whole = inertia / (float(arm.lengths[-1]) if turns else 1.0) ** 2
     return max(whole - arm.spec.payload.mass, 1e-3 * whole)
-
-
-def _inertia(arm: Arm, joint: int) -> float:
-    """Return the inertia of the straight rigid arm about a joint, by index; kg m^2 or kg."""
-    rigid = arm.rigid()
-    place = rigid.joint_index[joint]
-    return float(rigid.mass_matrix(rigid.rest(np.zeros(arm.n_joints)))[place, place])
 
 
 @dataclass
@@ -189,7 +182,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
     samples are computed again.
     """
 
-    _unsupported = UNDRIVEN[1:]
+    _unsupported = CLOSURES
     #: Attributes that change with the estimate.
     _changing: ClassVar[tuple[str, ...]] = ()
     instruments: Sequence[Instrument] = Field(
@@ -227,7 +220,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         turning = _TURNING * rate
         # A joint that slides moves by the reach where one that turns moves by a radian.
         size = float(coordinate_sizes(self.arm)[self.arm.joint_index[0]])
-        inertia = _inertia(self.arm, 0) * size**2
+        inertia = float(rigid_inertias(self.arm)[0]) * size**2
         noise = _NOISE * typical_torque(self.arm, None, rate)
         values: dict[str, Any] = {"torque_noise": noise, "rate_deviation": turning}
         values["energy_deviation"] = 0.5 * inertia * turning**2

@@ -28,7 +28,7 @@ from flexarm.control.contract.parametrised import OfArm, Parametrised
 from flexarm.control.design.arm_scales import default_cutoff
 from flexarm.control.design.rigid_model import RigidParameters
 from flexarm.model import Hardware
-from flexarm.model.arm.spec import UNDRIVEN
+from flexarm.model.arm.spec import FREE_BASE
 from flexarm.model.drives.around import DisturbanceObserverParameters, RepetitiveParameters
 from flexarm.motion.dynamics.dynamics_along import Actuation
 
@@ -45,7 +45,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
     effect of the disturbance on the independent motions.
     """
 
-    _unsupported = UNDRIVEN[:1]
+    _unsupported = FREE_BASE
     inner: Controller
 
     def __post_init__(self) -> None:

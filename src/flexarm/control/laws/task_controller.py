@@ -60,7 +60,8 @@ class TaskSample(NamedTuple):
 
 
 #: Turn of the force on a convex surface, relative to that of a stiff arm beside its path: links
-#: bend along, which displaces the tip further than the joints show.
+#: bend along, which displaces the tip further than the joints show. It is enough for links that the
+#: force deflects by half of the radius, (F.3a).
 _TURNED = 2.0
 
 

@@ -115,7 +115,8 @@ class ArmSpec(Record):
 
 
 #: Features with which the coordinates of the joints do not determine the rigid posture.
-UNDRIVEN = ("a free base", "closures")
+FREE_BASE, CLOSURES = ("a free base",), ("closures",)
+UNDRIVEN = FREE_BASE + CLOSURES
 
 
 def serial_only(spec: ArmSpec, what: str, unsupported: Collection[str] | None = None) -> None:

@@ -141,6 +141,13 @@ class StrainFeedbackParameters(ControllerParameters):
 #: Numbers that the controller derives from its arm if they are None.
 _OfArm = Annotated[Any, Typed(NonNegative | None)]
 _PositiveOfArm = Annotated[Any, Typed(Positive | None)]
+_Delay = Annotated[
+    NonNegative,
+    Field(
+        description="Delay of the loop by motors, instruments and the filter of the joint rates, "
+        "to which the default gains are adapted (s)."
+    ),
+]
 
 
 class HybridForceParameters(ControllerParameters):
@@ -172,9 +179,7 @@ class HybridForceParameters(ControllerParameters):
     touch_force: _OfArm = None
     """Measured force below which there is no contact (N); by default a tenth of the requested
     force."""
-    delay: NonNegative = 0.0
-    """Delay of the loop by motors, instruments and the filter of the joint rates, to which the
-    default gains are adapted (s)."""
+    delay: _Delay = 0.0
     sample_time: SampleTime = 0.001
 
 
@@ -241,9 +246,7 @@ class ImpedanceParameters(ControllerParameters):
     posture_frequency: _OfArm = None
     """Natural frequency of the posture error of arms with more than two joints, and of all joint
     errors along a motion without force (rad/s); by default 0.8 w."""
-    delay: NonNegative = 0.0
-    """Delay of the loop by motors, instruments and the filter of the joint rates, to which the
-    default gains are adapted (s)."""
+    delay: _Delay = 0.0
     sample_time: SampleTime = 0.001
 
 
@@ -266,9 +269,7 @@ class AdmittanceParameters(ControllerParameters):
     most_speed: _PositiveOfArm = None
     """Largest speed of the reference relative to the motion, and so of the approach without contact
     (m/s); by default 0.0066 L w."""
-    delay: NonNegative = 0.0
-    """Delay of the loop by motors, instruments and the filter of the joint rates, to which the
-    default gains are adapted (s)."""
+    delay: _Delay = 0.0
     sample_time: SampleTime = 0.001
 
 

@@ -23,7 +23,7 @@ from flexarm.arm.closed import closed_posture, gap_bias, row_sizes
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.model import Closure
-from flexarm.model.arm.spec import UNDRIVEN, serial_only
+from flexarm.model.arm.spec import FREE_BASE, serial_only
 from flexarm.motion.dynamics.following_base import FollowingBase
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ def mechanism_path(
             singular posture.
     """
     if tip is not None:
-        serial_only(arm.spec, "a motion of the tip", UNDRIVEN[:1])
+        serial_only(arm.spec, "a motion of the tip", FREE_BASE)
     if tip is None and arm.assembly.base and arm.closure_rows:
         arm = FollowingBase(arm.rigid()).fixed
     if tip is None and not arm.closure_rows:

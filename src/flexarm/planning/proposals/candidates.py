@@ -22,7 +22,7 @@ from flexarm.control.analysis.margins import (
     without_friction,
 )
 from flexarm.control.analysis.sampled_loop import PlantModel, SampledLoop
-from flexarm.control.design.arm_scales import NOISE, joint_inertias
+from flexarm.control.design.arm_scales import NOISE, near_inertias, rigid_inertias
 from flexarm.control.design.linear_design import CHORD
 from flexarm.control.laws.task_controller import HybridForce, Impedance
 from flexarm.integrate.base import FloatArray
@@ -183,10 +183,16 @@ def _frequency(needs: Requirements) -> float:
     return float(min(2.0 * np.pi / needs.period, limit))
 
 
+def _inertias(needs: Requirements) -> FloatArray:
+    """Return the largest inertias (joints,) kg m^2 of the rigid arm along the motion."""
+    each = [rigid_inertias(needs.arm, posture) for posture in needs.postures]
+    return np.asarray(np.max(each, axis=0))
+
+
 def _joint_loop(needs: Requirements, factor: float, damping: float) -> Drive:
     """Return joint PD; under gravity joint PID, which knows the limits of the motors."""
     lag = needs.rate_delay + 0.5 * needs.sample_time
-    near, inertia = joint_inertias(needs.arm, needs.postures, lag)
+    near, inertia = near_inertias(needs.arm, needs.postures, lag), _inertias(needs)
     omega = np.minimum(factor * _frequency(needs), _NEAR * near / (2.0 * damping * lag * inertia))
     drive: Drive = {
         "kind": _JOINT_LOOPS[needs.heavy].replace(" ", "_").lower(),
@@ -226,22 +232,16 @@ def _redefined(needs: Requirements) -> Iterator[Drive]:
 
 def _shaping(needs: Requirements) -> Iterator[Drive]:
     damped = all(link.damping is not None for link in needs.arm.spec.links if link.flexible)
-    for factor in _CROSSOVERS:
+    for bandwidth in np.multiply(_CROSSOVERS, _frequency(needs)):
         yield {
             "kind": "loop_shaping",
-            "bandwidth": float(f"{factor * _frequency(needs):.3g}"),
+            "bandwidth": rounded([bandwidth])[0],
             "rigidity_uncertainty": max(_SOME, needs.rigidity) if damped else 0.0,
             "delay": needs.delay,
-            **_integral_shaping(needs, factor),
+            **({"integral": rounded([_SHAPED_INTEGRAL * bandwidth])[0]} if needs.heavy else {}),
             **_designs(needs),
             "sample_time": needs.sample_time,
         }
-
-
-def _integral_shaping(needs: Requirements, factor: float) -> Drive:
-    """Return the integral feedback of loop shaping, under gravity only."""
-    rate = _SHAPED_INTEGRAL * factor * _frequency(needs)
-    return {"integral": float(f"{rate:.3g}")} if needs.heavy else {}
 
 
 def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
@@ -256,9 +256,7 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
         del measured["strain"]
     common: Drive = {
         "acceptable": {"tip": tip, "joint_rate": rate},
-        "acceptable_torque": rounded(
-            _BRISK * omega**2 * joint_inertias(needs.arm, needs.postures, needs.sample_time)[1]
-        ),
+        "acceptable_torque": rounded(_BRISK * omega**2 * _inertias(needs)),
     }
     if needs.arm.n_joints > 2:  # the tip does not determine the joints
         common["acceptable"]["joint_angle"] = _ANGLE
@@ -410,7 +408,8 @@ class Loops:
     def best(self, candidate: Candidate, disk_margin: float, delay: float) -> Assessed | None:
         """Return the best setting of a candidate; None, and ``error``, if none can be designed.
 
-        Margins take time, so that they are computed from the fastest decay on, until one suffices.
+        Margins take time, so that they are computed from the fastest decay on, until one suffices,
+        and of each setting until it is not better than another one.
         """
         found = []
         with warnings.catch_warnings():  # the table shows what they warn of
@@ -420,20 +419,21 @@ class Loops:
                     found.append(self.assess(drive))
                 except FlexarmError as error:  # no solution of a Riccati equation, no equilibrium
                     self.error = str(error)
-        done = []
+        best: Assessed | None = None
         for one, loops in sorted(found, key=lambda pair: pair[0].margins["growth"]):
-            if loops:
-                gain, _, phase, late, disk = zip(*(margins_at(loop) for loop in loops), strict=True)
-                one.margins.update(
-                    gain_margin=float(np.min(gain)),
-                    phase_margin=float(np.min(phase)),
-                    delay_margin=float(np.min(late)),
-                    disk_margin=float(np.min(disk)),
-                )
-            done.append(one)
-            if all(one.value(disk_margin, delay)[:2]):
+            worst = dict.fromkeys(_UNSTABLE, np.inf) if loops else {}
+            for loop in loops:
+                gain, _, phase, late, disk = margins_at(loop)
+                of_loop = dict(zip(_UNSTABLE, (disk, gain, phase, late), strict=True))
+                worst = {name: min(worst[name], float(np.min(of_loop[name]))) for name in worst}
+                one.margins.update(worst)
+                if best and one.value(disk_margin, delay) <= best.value(disk_margin, delay):
+                    break
+            if best is None or one.value(disk_margin, delay) > best.value(disk_margin, delay):
+                best = one
+            if all(best.value(disk_margin, delay)[:2]):
                 break
-        return max(done, key=lambda one: one.value(disk_margin, delay), default=None)
+        return best
 
 
 def scenario_of(content: Mapping[str, Any], drive: Drive) -> Scenario:

@@ -6,7 +6,7 @@ import os
 import textwrap
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,6 +41,8 @@ from flexarm.planning.proposals.candidates import (
 )
 from flexarm.planning.proposals.drive import typical_text
 from flexarm.planning.proposals.requirements import Requirements, requirements_of
+from flexarm.simulation.calls.compare import Evaluation, comparison, runs_of
+from flexarm.simulation.loop.stability import NO_INERTIA, with_inertia
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,7 +83,8 @@ class ControllerDesign:
             (``disk_margin``, ``gain_margin``, ``phase_margin``, ``delay_margin``, ``growth``,
             ``damping_ratio`` of the vibration that decays slowest) and ``states``, the numbers that
             the controller keeps between samples; over ``candidate`` and ``plant`` the metrics of
-            `flexarm.compare`, and ``score``, the sum of those that are compared.
+            `flexarm.compare`, and ``score``, the sum of those that are compared; NaN for refused
+            candidates, which are not simulated unless all are refused.
         scenario: run of the proposed controller on the arm of the model.
         scenarios: the same of all candidates, by name.
         refusal: why the proposal should not be used, or empty; ``save`` then raises.
@@ -216,22 +219,18 @@ def design(
     )
     content = case_of(needs)
     candidates = candidates_of(needs)
-    plants = {
-        name: Arm(plant_spec(needs.arm.spec, PlantSpec(**factors)))
-        for name, factors in content["plants"].items()
-    }
-    loops = Loops(content, plants, needs.postures, candidates[0].drives[0])
-    best = {one.name: loops.best(one, needs.disk_margin, needs.delay) for one in candidates}
-    found = {name: one for name, one in best.items() if one is not None}
+    found, errors = _best(needs, content, candidates)
     if not found:
         rule = "has no controller among the candidates that can be designed for this arm"
-        hint = f"Give the links damping, or use other sensors. The last error is: {loops.error}"
-        raise InputError(Problem("task", rule, hint=hint))
+        hint = _lacking(needs, found, candidates) or "Give the links damping, or use other sensors."
+        raise InputError(Problem("task", rule, hint=f"{hint} {' '.join(errors.values())}"))
     _wait_until_settled(needs, content, found)
     table = _table(needs, content, found, progress)
     chosen = _chosen(needs, found, table)
-    refusal = _refusal(needs, found, table, chosen)
-    reasons = reasons_of(needs, candidates, found, table, chosen)
+    lacking = _lacking(needs, found, candidates)
+    refusal = _refusal(needs, found, table, chosen, lacking)
+    reasons = (*reasons_of(needs, candidates, found, table, chosen), *errors.values())
+    reasons = (*reasons, lacking) if lacking and not refusal else reasons
     if refusal:
         reasons = (refusal, *reasons)
         warn_caller(refusal, UnstableLoopWarning)
@@ -240,26 +239,80 @@ def design(
     return ControllerDesign(*proposal, refusal)
 
 
+def _best(
+    needs: Requirements, content: Mapping[str, Any], candidates: Sequence[Candidate]
+) -> tuple[dict[str, Assessed], dict[str, str]]:
+    """Return the best setting of each candidate, and why others cannot be designed, by name."""
+    plants = {
+        name: Arm(plant_spec(needs.arm.spec, PlantSpec(**factors)))
+        for name, factors in content["plants"].items()
+    }
+    loops = Loops(content, plants, needs.postures, candidates[0].drives[0])
+    found, errors = {}, {}
+    for candidate in candidates:
+        best = loops.best(candidate, needs.disk_margin, needs.delay)
+        if best is None:
+            cause = loops.error.splitlines()[0].rstrip(".")
+            errors[candidate.name] = f"{candidate.name} could not be designed: {cause}."
+        else:
+            found[candidate.name] = best
+    return found, errors
+
+
+def _lacking(
+    needs: Requirements, found: Mapping[str, Assessed], candidates: Sequence[Candidate]
+) -> str:
+    """Return the inertia of motors with which the last, simplest candidate is accepted.
+
+    Empty if it is accepted without, or not even with it.
+    """
+    name = candidates[-1].name
+    if name in found and not found[name].refusal(needs.delay):
+        return ""
+    for arm, inertia in with_inertia(needs.arm):
+        cured = replace(needs, arm=arm)
+        best, _ = _best(cured, case_of(cured), candidates_of(cured)[-1:])
+        if best and not best[name].refusal(needs.delay):
+            return f"{NO_INERTIA} with {inertia}, {name} is accepted."
+    return ""
+
+
 def _table(
     needs: Requirements,
     content: dict[str, Any],
     found: Mapping[str, Assessed],
     progress: bool | None,
 ) -> xr.Dataset:
-    """Return the margins of the candidates, and the metrics of their simulations."""
-    drives = {name: one.drive for name, one in found.items()}
+    """Return the margins of the candidates, and the metrics of their simulations.
+
+    Refused candidates are not simulated, unless the best one is refused, too.
+    """
+    ranks = {name: _rank(needs, one) for name, one in found.items()}
+    accepted = (name for name, one in found.items() if not one.refusal(needs.delay))
+    simulated = list(accepted) or [name for name in found if ranks[name] == min(ranks.values())]
+    drives = {name: found[name].drive for name in simulated}
     plants = dict(list(content["plants"].items())[:_SIMULATED])
+
+    def evaluation(name: str, *run: str) -> Evaluation:
+        if name in drives:
+            return study.evaluation(name, *run)
+        return Evaluation(
+            failure=f"It is not simulated, because it {found[name].refusal(needs.delay)}."
+        )
+
     with warnings.catch_warnings():  # the table has the warnings of the runs
         warnings.simplefilter("ignore", FlexarmWarning)
         study = PreparedStudy(StudySpec(**{**content, "plants": plants}, drives=drives))
-        runs = study.run(progress)
+        names = study.names | {"controller": list(found)}
+        runs = comparison(names, (evaluation(*run) for run in runs_of(names)), progress)
     table = runs.isel(reference=0, drop=True).rename(controller="candidate")
     first, *others = SCORES[needs.task]
     score = sum((table[name] for name in others), table[first]).where(table["failure"] == "")
     nominal = {"plant": next(iter(plants))}
     if score.sel(nominal).isnull().all():
         reason = "no candidate completes its simulation on the arm of the model."
-        raise SimulationError(0.0, reason, str(table["failure"].sel(nominal).values[0]))
+        cause = table["failure"].sel(nominal).sel(candidate=simulated[0])
+        raise SimulationError(0.0, reason, str(cause.values))
     unit = table[first].attrs["units"]
     table["score"] = score.assign_attrs(units=unit, long_name="error that is compared")
     for name, (unit, meaning) in _LABELS.items():
@@ -292,18 +345,23 @@ def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Datase
     """Return the candidate of least worst error, with the margin or stable on all arms first."""
     worst = table["score"].fillna(np.inf).max("plant")
 
-    def value(name: str) -> tuple[bool, bool, bool, float]:
-        accepted, enough, stable, *_ = found[name].value(needs.disk_margin, needs.delay)
-        return not accepted, not enough, not stable, float(worst.sel(candidate=name))
+    return min(found, key=lambda name: (_rank(needs, found[name]), worst.sel(candidate=name)))
 
-    return min(found, key=value)
+
+def _rank(needs: Requirements, one: Assessed) -> tuple[bool, ...]:
+    """Return the rank of a candidate by its margins; less is better, whatever its errors are."""
+    return tuple(not reached for reached in one.value(needs.disk_margin, needs.delay)[:3])
 
 
 def _refusal(
-    needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset, chosen: str
+    needs: Requirements,
+    found: Mapping[str, Assessed],
+    table: xr.Dataset,
+    chosen: str,
+    lacking: str = "",
 ) -> str:
     """Return why the best candidate is refused; empty if it is not."""
-    hint = "Reduce the uncertainty or the delays, or add sensors or damping."
+    hint = lacking or "Reduce the uncertainty or the delays, or add sensors or damping."
     if all(not one.stable for one in found.values()):
         return f"No candidate is stable on {_arms(needs)}. {hint}"
     if refusal := found[chosen].refusal(needs.delay):
@@ -323,7 +381,7 @@ _DISTURBED = 0.01
 #: start; and time after the motion.
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
 #: Time after the motion: time constants of the slowest pole of a loop, and the most periods.
-_SETTLED, _LONGEST = 6.0, 20.0
+_SETTLED, _LONGEST = 10.0, 20.0
 #: Share of a run with a motor at its limit above which the reasons mention it.
 _LIMITED = 0.1
 #: Recorded samples in a period of the lowest frequency.
@@ -435,11 +493,6 @@ def reasons_of(
     for name in found:
         if name != chosen:
             sentences.append(_other(needs, name, found[name], float(worst.sel(candidate=name))))
-    sentences += [
-        f"{one.name} could not be designed for this arm."
-        for one in candidates
-        if one.name not in found
-    ]
     if found[chosen].stable:
         margins = found[chosen].margins
         places = "at the start, in the middle and at the end of the motion"

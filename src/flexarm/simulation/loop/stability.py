@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
@@ -126,43 +126,41 @@ def stability(
     text = describe_instability(poles, loop.controller.sample_time)
     if not text:
         return Stability("", growth)
-    for share in _SHARES:
-        cured, cure = _with_inertia(loop.plant, share)
-        if cured is None:
-            break
+    for cured, cure in with_inertia(loop.plant):
         poles = loop_poles(loop._replace(plant=cured))
         if poles and max(pole.growth for pole in poles) <= 0.0:
-            return Stability(f"{text} {cure}", growth)
+            return Stability(f"{text} {NO_INERTIA} with {cure} the loop is stable.", growth)
     return Stability(text, growth)
 
 
-def _with_inertia(plant: Arm, share: float) -> tuple[Arm | None, str]:
-    """Return the arm with inertia at its joints without any, and a sentence that names it.
+#: Begin of the sentence that names the inertia of motors as a cure.
+NO_INERTIA = "The arm has no inertia of motors:"
+
+
+def with_inertia(plant: Arm) -> Iterator[tuple[Arm, str]]:
+    """Yield the arm with more and more inertia at its joints without any, and what they have.
 
     A torque on a flexible link without inertia of rotor or housing excites its fastest modes, which
-    no sampled feedback of the joint damps. None if every joint has both.
+    no sampled feedback of the joint damps. Nothing if every joint has both.
     """
-    joints, places, sizes = list(plant.spec.joints), [], []
-    for i, (link, joint) in enumerate(zip(plant.spec.links, joints, strict=True)):
-        beam = link.beam()
-        squares = np.array(beam.mass_per_length) * np.square(beam.x)
-        inertia = share * float(np.trapezoid(squares, beam.x))
-        added = {}
-        if not (joint.fixed or joint.hub_inertia or joint.rotor_inertia):
-            added["hub_inertia"] = inertia
-        if i > 0 and not (joint.fixed or joint.housing_inertia):
-            added["housing_inertia"] = inertia
-        if added and inertia > 0.0:
-            joints[i] = joint.replace(**added)
-            places.append(f"joints[{i}] {' and '.join(added)}")
-            sizes.append(f"{inertia:.2g}")
-    if not places:
-        return None, ""
-    text = (
-        f"The arm has no inertia of motors: with {', '.join(places)} of {', '.join(sizes)} kg m^2 "
-        "the loop is stable."
-    )
-    return Arm(plant.spec.replace(joints=joints)), text
+    for share in _SHARES:
+        joints, places, sizes = list(plant.spec.joints), [], []
+        for i, (link, joint) in enumerate(zip(plant.spec.links, joints, strict=True)):
+            beam = link.beam()
+            squares = np.array(beam.mass_per_length) * np.square(beam.x)
+            inertia = share * float(np.trapezoid(squares, beam.x))
+            added = {}
+            if not (joint.fixed or joint.hub_inertia or joint.rotor_inertia):
+                added["hub_inertia"] = inertia
+            if i > 0 and not (joint.fixed or joint.housing_inertia):
+                added["housing_inertia"] = inertia
+            if added and inertia > 0.0:
+                joints[i] = joint.replace(**added)
+                places.append(f"joints[{i}] {' and '.join(added)}")
+                sizes.append(f"{inertia:.2g}")
+        if places:
+            text = f"{', '.join(places)} of {', '.join(sizes)} kg m^2"
+            yield Arm(plant.spec.replace(joints=joints)), text
 
 
 def describe_instability(poles: Sequence[LoopPole], sample_time: float) -> str:
