@@ -206,7 +206,7 @@ def test_feedforward_is_evaluated_for_many_samples_in_one_call():
         middle = (k + 0.5) * TICK
         found = controller.update(k * TICK, stated, None)
         np.testing.assert_allclose(found, [np.sin(middle), np.cos(middle)], rtol=1e-12)
-    assert Torque.calls <= 4
+    assert Torque.calls <= 5  # the first sample alone, blocks of 512, and the sample of before
 
 
 def test_sag_is_corrected_once_per_sample(monkeypatch):
