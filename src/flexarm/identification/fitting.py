@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError
 from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Case, Space, initial_argument
+from flexarm.identification.space import Case, Space, initial_argument, of_records
 from flexarm.integrate.base import FloatArray
 from flexarm.simulation.derivatives.sensitivities import sensitivities
 
@@ -283,6 +283,8 @@ def _minimum(
 
     lower, upper = (problem.scaled(bound) for bound in problem.space.bounds)
     accepted: list[FloatArray] = []
+    if not scaled.size:
+        return scaled, True, 1
 
     def jacobian(place: FloatArray) -> FloatArray:
         rows = problem.jacobian(place)
@@ -401,7 +403,9 @@ def _exact_places(run: RecordRun, paths: Sequence[str]) -> list[int]:
     return [
         k
         for k, path in enumerate(paths)
-        if not (driven and _OF_MOTORS.match(path)) and not _OF_OUTPUTS.match(path)
+        if not (driven and _OF_MOTORS.match(path))
+        and not _OF_OUTPUTS.match(path)
+        and not of_records(path)
     ]
 
 
@@ -433,7 +437,7 @@ def _by_duals(
             exact = [k for j, k in enumerate(exact) if j not in wrong]
             continue
         channels = {name: np.moveaxis(dual[name].values, 0, -1) for name in run.channels}
-        derivatives[..., exact] = run.changes(channels)
+        derivatives[..., exact] = run.changes(channels, case)
         return exact
     return []
 
@@ -454,9 +458,11 @@ def _by_differences(
     cases: list[Case] = [space.case(record, vector)]
     steps: list[tuple[int, float]] = []
     readings = {k: _column_of(run, space.slots[places[k]].path) for k in chosen}
+    errors = run.reading_errors(cases[0], run.measured)  # their paths
     for k in chosen:
         place = places[k]
-        if readings[k] is not None and vector[place] != 0.0:
+        proportional = readings[k] is not None and vector[place] != 0.0
+        if proportional or space.slots[place].path in errors:
             continue
         for sign in (1.0, -1.0):
             moved = vector.copy()
@@ -473,11 +479,17 @@ def _by_differences(
     center, *others = run.simulate(cases)
     if isinstance(center, str):
         return center
+    errors = run.reading_errors(cases[0], center)
     for k in chosen:
+        if space.slots[places[k]].path in errors:
+            derivatives[..., k] = errors[space.slots[places[k]].path]
+            continue
         column, value = readings[k], vector[places[k]]
         if column is not None and value != 0.0:
-            # A strain is proportional to the distance of its gauge.
-            derivatives[:, column, k] = center[:, column] / value
+            # A strain without its offset is proportional to the distance of its gauge.
+            clean = errors[f"gains.{run.labels[column].text}"][:, column]
+            gain = cases[0].errors.get(f"gains.{run.labels[column].text}", 1.0)
+            derivatives[:, column, k] = gain * clean / value
             continue
         ends = [
             (change, outputs)

@@ -48,7 +48,7 @@ from flexarm.identification.record import (
 )
 from flexarm.identification.result import Identification, related
 from flexarm.identification.runs import RecordRun, warn_of_work
-from flexarm.identification.space import Space, check_free
+from flexarm.identification.space import Case, Space, check_free, of_records
 from flexarm.identification.statistics import warn_of_fits
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
@@ -181,7 +181,7 @@ def identify(
     shared = space.case(None, best.vector)
     estimated = Arm(shared.spec)
     predicted = [
-        _predicted(run, estimated, shared.motors, parameters, best, iterations) for run in others
+        _predicted(run, estimated, shared, parameters, best, iterations) for run in others
     ]
     fit = fits_of(runs, best.outputs)
     result = Identification(
@@ -253,7 +253,11 @@ def _prepared(
     for name, record in every.items():
         if record.coarse:
             warn_caller(f"{name}: {record.coarse}", AccuracyWarning)
-    parameters = check_free(free)
+    parameters = check_free(free, least=0)
+    wrong = [p.path for p in parameters if of_records(p.path)]
+    if wrong and method == "prediction_error":
+        rule = f"is not supported with {wrong[0]}"
+        raise InputError(Problem("method", rule, hint='Use method="output_error".'))
     options = {name: getattr(settings, name) for name in MethodSettings.__annotations__}
     options |= {"contacts": touching} if touching else {}
     space = Space(arm, motors, parameters, fitted)
@@ -371,14 +375,14 @@ def _best(
 def _predicted(
     run: RecordRun,
     arm: Arm,
-    motors: Motors | None,
+    shared: Case,
     free: Sequence[FreeParameter],
     best: fitting.Fit,
     iterations: int,
 ) -> FloatArray:
     """Return the outputs of a record that was not fitted."""
     own = [parameter for parameter in free if parameter.per_record]
-    space = Space(arm, motors, own, {run.name: run.record})
+    space = Space(arm, shared.motors, own, {run.name: run.record}, shared.errors)
     problem = _problem(space, [run], None, best.noise, best.torque_noise)
     try:
         if space.slots:

@@ -185,16 +185,20 @@ class Path:
         """Return the values (samples,) of a record after the filters that it does not contain."""
         return self._after(values[:, None])[:, 0]
 
-    def simulated(self, values: FloatArray) -> FloatArray:
-        """Return simulated values (samples, runs) as the record would contain them."""
-        return self._after(self._through(self._late(values), self._recorded))
+    def simulated(self, values: FloatArray, late: float = 0.0) -> FloatArray:
+        """Return simulated values (samples, runs) as the record would contain them.
 
-    def _late(self, values: FloatArray) -> FloatArray:
-        if self._delay == 0.0:
+        ``late`` is a delay (s) in addition to that of the record.
+        """
+        return self._after(self._through(self._late(values, late), self._recorded))
+
+    def _late(self, values: FloatArray, late: float) -> FloatArray:
+        delay = self._delay + late
+        if delay == 0.0:
             return values
         from scipy.interpolate import CubicSpline
 
-        before = np.maximum(self._times - self._delay, self._times[0])
+        before = np.maximum(self._times - delay, self._times[0])
         return np.asarray(CubicSpline(self._times, values)(before))
 
     def _after(self, values: FloatArray) -> FloatArray:

@@ -257,11 +257,9 @@ def _restored(dataset: xr.Dataset) -> dict[str, Any]:
         given = json.loads(dataset.attrs[_KIND])
         names = given.pop("histories")
         fields: dict[str, Any] = {name: _table(dataset, name) for name in _TABLES}
-        nothing = slice(0, 0)
-        fields["initial"] = fields["initial"] or fields["parameters"].isel(
-            parameter=nothing, other=nothing
-        )
-        fields["validation"] = fields["validation"] or fields["fit"].isel(record=nothing)
+        for name in ("parameters", "initial"):
+            fields[name] = fields[name] or _no_parameters()
+        fields["validation"] = fields["validation"] or fields["fit"].isel(record=slice(0, 0))
         fields["histories"] = {name: _history(dataset, k) for k, name in enumerate(names)}
         noise, motors = given["torque_noise"], given["motors"]
         return {
@@ -278,6 +276,13 @@ def _restored(dataset: xr.Dataset) -> dict[str, Any]:
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         rule = f"contains a damaged identification: {type(error).__name__}"
         raise InputError(Problem("dataset", rule)) from None
+
+
+def _no_parameters() -> xr.Dataset:
+    names = "estimate standard_deviation interval_start interval_end start lower upper at_bound"
+    columns: dict[str, Any] = {name: ("parameter", np.zeros(0)) for name in names.split()}
+    columns["correlation"] = ("parameter", "other"), np.zeros((0, 0))
+    return xr.Dataset(columns, {name: np.zeros(0, dtype=str) for name in ("parameter", "other")})
 
 
 def is_identification(value: object) -> bool:
