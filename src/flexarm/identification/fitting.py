@@ -24,7 +24,7 @@ _ROUNDS, _SETTLED = 6, 0.03
 #: First guess of the noise of a channel, and its lowest value, as fractions of its signal.
 _GUESS, _LEAST = 0.1, 1e-7
 #: Relative changes of the sum of squares or of the parameters that end the fit.
-_COARSE, _FINE = 1e-3, 1e-6
+COARSE, _FINE = 1e-3, 1e-6
 
 #: Samples of the beginning of each record that is fitted first.
 _BEGINNING = 1000
@@ -241,7 +241,13 @@ class Fit:
     gains: tuple[Any, ...] = ()  # of the filters of prediction errors, one for each record
 
 
-def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int) -> Fit:
+def fit_from(
+    problem: FitProblem,
+    start: FloatArray,
+    loss: str,
+    iterations: int,
+    precision: float = _FINE,
+) -> Fit:
     """Fit from a vector of parameters, with the noise of the channels estimated in between."""
     scaled, robust = problem.scaled(start), loss != "linear"
     problem.evaluations = 0
@@ -253,7 +259,7 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
     # in phase there, so that it has fewer wrong minima.
     early, left = problem.beginning(), iterations
     if early is not None:
-        first, _, used = _minimum(early, scaled, loss, max(1, left // 2), _COARSE)
+        first, _, used = _minimum(early, scaled, loss, max(1, left // 2), COARSE)
         left = max(1, left - used)
         first_outputs = problem.outputs(problem.vector(first))
         if first_outputs is not None:
@@ -262,8 +268,8 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
     free = problem.noise.keys() - problem.fixed
     converged, change = True, 0.0
     for attempt in range(_ROUNDS):
-        precision = _COARSE if free and attempt == 0 else _FINE
-        scaled, converged, used = _minimum(problem, scaled, loss, left, precision)
+        rough = COARSE if free and attempt == 0 else precision
+        scaled, converged, used = _minimum(problem, scaled, loss, left, rough)
         left -= used
         vector = problem.vector(scaled)
         outputs, change = problem.tune(vector, problem.outputs(vector) or outputs, robust)
@@ -328,7 +334,7 @@ def other_fits(
         problem.restore(best)
         start = problem.scaled(np.clip(best.vector + sign * direction, lower, upper))
         try:
-            scaled, converged, _ = _minimum(problem, start, loss, iterations, _COARSE)
+            scaled, converged, _ = _minimum(problem, start, loss, iterations, COARSE)
             vector = problem.vector(scaled)
             outputs = problem.outputs(vector)
             if outputs is None:

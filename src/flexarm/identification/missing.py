@@ -53,17 +53,17 @@ class _Candidate(NamedTuple):
         """Whether a negative size has no meaning."""
         return self.path.startswith("joints[")
 
-    @property
-    def name(self) -> str:
-        """Name in sentences."""
-        kind, _, text = self.path.partition(".")
-        if self.positive:
-            return in_words(self.path).replace("coulomb", "Coulomb")
-        if kind == "gains":
-            return f"a relative error of the gain of {text}"
-        if kind == "drifts":
-            return f"a drift of {text}"
-        return f"{'an' if kind == 'offsets' else 'a'} {in_words(self.path)}"
+
+def effect_name(path: str, short: bool = False) -> str:
+    """Return the name of an effect in sentences and, if ``short``, in tables."""
+    kind, _, text = path.partition(".")
+    words = in_words(path).replace("coulomb", "Coulomb")
+    if kind == "drifts":
+        words = f"drift of {text}"
+    if kind == "gains" and not short:
+        return f"a relative error of the gain of {text}"
+    article = "" if short or path.startswith("joints[") else "an " if kind == "offsets" else "a "
+    return article + words
 
 
 def missing_effects(
@@ -109,8 +109,8 @@ def missing_effects(
 def _sentence(candidate: _Candidate, size: float, share: float) -> str:
     unit = f" {candidate.unit}" if candidate.unit else ""
     return (
-        f"The residuals show {candidate.name} of about {size:.2g}{unit} that the model lacks "
-        f"({100.0 * share:.0f} % of their power). The standard deviations contain the change of "
+        f"The residuals show {effect_name(candidate.path)} of about {size:.2g}{unit} that the "
+        f"model lacks ({100.0 * share:.0f} % of their power). The standard deviations contain the change of "
         "the estimates by it."
     )
 

@@ -426,6 +426,18 @@ class MeasuredRecord:
         ]
 
 
+def with_columns(
+    record: MeasuredRecord, columns: Mapping[Label, FloatArray], settings: RecordSettings
+) -> MeasuredRecord:
+    """Return a record with other values of its columns (samples,), and other settings."""
+    every = columns_of(record.data, [name for name in MEASURED if name in record.data])
+    data = dataset_of(record.data["time"].values, every | dict(columns))
+    data = data.assign_attrs(record.data.attrs)
+    data["time"].attrs |= record.data["time"].attrs
+    others = {key: getattr(record, key) for key in ("controller", "reference", "hardware")}
+    return MeasuredRecord(data, settings, **others)
+
+
 def treated(
     record: MeasuredRecord, input_delay: bool = False
 ) -> tuple[list[Path], FloatArray, NDArray[np.bool_]]:

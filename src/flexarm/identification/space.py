@@ -199,7 +199,7 @@ def of_records(path: str) -> bool:
 
 
 def error_paths(record: MeasuredRecord) -> list[str]:
-    """Return the paths of the errors that a record may have; a delay of the input is one for all."""
+    """Return the paths of the errors that a record may have."""
     outputs, inputs = ([label.text for label in x] for x in (record.outputs, record.inputs))
     both = [f"{kind}.{text}" for text in [*outputs, *inputs] for kind in ("offsets", "gains")]
     return both + [f"delays.{text}" for text in [*outputs, *([record.input] if inputs else [])]]
