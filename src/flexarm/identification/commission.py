@@ -25,7 +25,11 @@ from flexarm.identification.data_sheet import (
     of_masses,
 )
 from flexarm.identification.frequency.records import measured_modes
-from flexarm.identification.identify import identified, prepared_fit
+from flexarm.identification.identify import (
+    PreparedIdentification,
+    identified,
+    prepared_fit,
+)
 from flexarm.identification.inspection import inspected
 from flexarm.identification.missing import Effect, effect_name, missing_effects
 from flexarm.identification.record import (
@@ -55,10 +59,10 @@ from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
 from flexarm.model import ArmSpec, Contact, Friction, Motors
-from flexarm.model.identification import FreeParameter, RecordSettings
+from flexarm.model.identification import INPUTS, FreeParameter, RecordSettings
 from flexarm.model.paths import parts_of, with_number
 from flexarm.model.quantities import Flag
-from flexarm.simulation.run.settings import DEFAULTS, replaced
+from flexarm.simulation.run.settings import DEFAULTS, MethodSettings, replaced
 
 #: Part of each record that is fitted; the rest of it judges the stages.
 _FITTED = 0.7
@@ -163,8 +167,9 @@ def commission(
         Arm(work.case.spec),
     )
     result = identified(prepared, 1, np.random.default_rng(0), "linear", 200)
-    starts = [work.sheet.get(path, 0.0) for path in result.parameters["parameter"].values]
-    table = result.parameters.assign(start=("parameter", np.array(starts, dtype=np.float64)))
+    paths = result.parameters["parameter"].values.tolist()
+    starts = np.array([work.sheet.get(path, without_error(path)) for path in paths], dtype=float)
+    table = result.parameters.assign(start=("parameter", starts))
     findings += _named(table)
     return replace(result, parameters=table, stages=work.stages(), findings=tuple(findings))
 
@@ -365,11 +370,12 @@ class _Commissioning:
             columns, priors, _ = information_of(problem, fit)
         except fitting.FitFailure:
             return []
-        effects = missing_effects(problem, fit, columns, priors)
+        # The distance of a gauge is an error of its gain, and free in another stage.
+        gauges = any(path.endswith(".distance") for path in self.sheet)
         return [
             effect
-            for effect in effects
-            if effect.path not in fitted.free
+            for effect in missing_effects(problem, fit, columns, priors)
+            if not (gauges and effect.path.startswith("gains.strain"))
             and (of_records(effect.path) or _can_join(fitted.case.spec, effect.path))
         ]
 
@@ -438,6 +444,7 @@ class _Commissioning:
         )
 
 
+_RIVAL = ", or masses that differ from the data sheet by more than 10 %"
 _FRICTION = re.compile(r"joints\[(\d+)\]\.friction\.coulomb$")
 
 
@@ -516,11 +523,12 @@ def _named(table: xr.Dataset) -> list[str]:
     for path in table["parameter"].values.tolist():
         row = table.sel(parameter=path)
         value, start = float(row["estimate"]), float(row["start"])
+        sure = _SURE * float(row["standard_deviation"])
+        if abs(value - start) < sure:
+            continue
         kind, _, text = path.partition(".")
-        unit = ""
-        if of_records(path) and kind != "gains":
-            label = label_of(text)
-            unit = "s" if kind == "delays" or label is None else MEASURED[label.channel].unit
+        label = label_of(text)
+        unit = MEASURED[label.channel].unit.replace("1", "") if label else ""
         match = _FRICTION.match(path)
         if match and start == 0.0:
             joint = int(match[1]) + 1
@@ -528,19 +536,38 @@ def _named(table: xr.Dataset) -> list[str]:
                 f"Joint {joint} stops early: Coulomb friction of about {value:.2g} N m."
             )
         elif kind == "offsets":
-            sentences.append(f"{text} reads {value:+.2g} {unit} at zero: an offset.")
+            size = f"{value:+.2g} {unit}".strip()
+            sentences.append(f"{text} reads {size} at zero: an offset.")
         elif kind == "gains":
             error = 100.0 * (value - 1.0)
-            sentences.append(f"{text} reads {error:+.2g} % too much: an error of its gain.")
+            rival = _RIVAL if label and label.channel in INPUTS else ""
+            sentences.append(f"{text} reads {error:+.2g} % too much: an error of its gain{rival}.")
         elif kind == "delays":
-            sentences.append(f"{text} is late by about {value:.2g} s: a delay.")
+            named = text if label else f"The {text}"
+            sentences.append(f"{named} is late by about {value:.2g} s: a delay.")
         elif path.endswith("backlash") and start == 0.0:
             sentences.append(f"The {in_words(path)} is about {value:.2g} rad.")
         elif path.endswith(".distance"):
-            change, sure = value / start - 1.0, _SURE * float(row["standard_deviation"])
-            if abs(change) > max(_NAMED, sure / abs(start)):
+            change = value / start - 1.0
+            if abs(change) > _NAMED:
                 sentences.append(
                     f"The {in_words(path)} differs from the data sheet by {100 * change:+.0f} %; "
                     "an error of the gain of its amplifier acts in the same way."
                 )
     return sentences
+
+
+def commissioned(study: PreparedIdentification, progress: bool | None) -> Identification:
+    """Commission the arm of a file, of whose ``fit`` only the settings of runs count."""
+    given = {name: getattr(study.study.fit, name) for name in study.study.fit.model_fields_set}
+    settings = {name: given[name] for name in MethodSettings.__annotations__ if name in given}
+    with study.errors():
+        return commission(
+            study.arm,
+            study.records,
+            validation=study.validation,
+            free=list(study.study.free),
+            motors=study.study.motors,
+            progress=progress,
+            **settings,
+        )

@@ -449,7 +449,7 @@ class PreparedIdentification:
 
     def check(self) -> None:
         """Raise the errors of ``identify`` before its fit."""
-        with self._errors():
+        with self.errors():
             fit, data = self.study.fit, (self.records, list(self.study.free), self.validation)
             keywords = {name: getattr(fit, name) for name in MethodSettings.__annotations__}
             errors = fit.loss, fit.method, fit.torque_noise
@@ -460,11 +460,11 @@ class PreparedIdentification:
         """Estimate the parameters, with the errors of ``identify``."""
         keywords: dict[str, Any] = {"motors": self.study.motors, **dict(self.study.fit)}
         keywords |= {"validation": self.validation, "progress": progress}
-        with self._errors():
+        with self.errors():
             return identify(self.arm, self.records, list(self.study.free), **keywords)
 
     @contextmanager
-    def _errors(self) -> Iterator[None]:
+    def errors(self) -> Iterator[None]:
         """Raise errors with their key and their line if their place is a record."""
         try:
             yield

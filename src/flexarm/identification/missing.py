@@ -110,8 +110,8 @@ def _sentence(candidate: _Candidate, size: float, share: float) -> str:
     unit = f" {candidate.unit}" if candidate.unit else ""
     return (
         f"The residuals show {effect_name(candidate.path)} of about {size:.2g}{unit} that the "
-        f"model lacks ({100.0 * share:.0f} % of their power). The standard deviations contain the change of "
-        "the estimates by it."
+        f"model lacks ({100.0 * share:.0f} % of their power). The standard deviations contain the "
+        "change of the estimates by it."
     )
 
 

@@ -129,8 +129,13 @@ def dataset_of(times: np.ndarray, columns: dict[Label, np.ndarray]) -> xr.Datase
     return xr.Dataset(variables).assign_coords(coordinates)
 
 
-def columns_of(data: xr.Dataset, names: Collection[str]) -> dict[Label, np.ndarray]:
-    """Return the columns (samples,) of channels of a record or of a result."""
+def columns_of(
+    data: xr.Dataset, names: Collection[str], empty: bool = False
+) -> dict[Label, np.ndarray]:
+    """Return the columns (samples,) of channels of a record or of a result.
+
+    Columns without a sample are left out, but not with ``empty``.
+    """
     columns: dict[Label, np.ndarray] = {}
     for name in names:
         values = np.asarray(data[name].values, dtype=np.float64)
@@ -143,7 +148,7 @@ def columns_of(data: xr.Dataset, names: Collection[str]) -> dict[Label, np.ndarr
         columns |= {
             Label(name, part): column for part, column in zip(parts.tolist(), values.T, strict=True)
         }
-    return {label: c for label, c in columns.items() if not np.all(np.isnan(c))}
+    return {label: c for label, c in columns.items() if empty or not np.all(np.isnan(c))}
 
 
 def place_of(arm: Arm, label: Label) -> int:
@@ -430,7 +435,7 @@ def with_columns(
     record: MeasuredRecord, columns: Mapping[Label, FloatArray], settings: RecordSettings
 ) -> MeasuredRecord:
     """Return a record with other values of its columns (samples,), and other settings."""
-    every = columns_of(record.data, [name for name in MEASURED if name in record.data])
+    every = columns_of(record.data, [name for name in MEASURED if name in record.data], empty=True)
     data = dataset_of(record.data["time"].values, every | dict(columns))
     data = data.assign_attrs(record.data.attrs)
     data["time"].attrs |= record.data["time"].attrs
