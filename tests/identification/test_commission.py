@@ -164,8 +164,6 @@ def test_commissioning_from_a_wrong_data_sheet():
 @pytest.mark.thorough
 @pytest.mark.parametrize("fault", FAULTS)
 def test_planted_faults_are_named(fault):
-    if fault == "backlash":
-        pytest.importorskip("mujoco")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = fa.commission(believed(ONE, 1), faulty_record(fault, 1, 2.0), progress=False)

@@ -60,7 +60,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
 from flexarm.model import ArmSpec, Contact, Friction, Motors
 from flexarm.model.identification import INPUTS, FreeParameter, RecordSettings
-from flexarm.model.paths import parts_of, with_number
+from flexarm.model.paths import with_number
 from flexarm.model.quantities import Flag
 from flexarm.simulation.run.settings import DEFAULTS, MethodSettings, replaced
 
@@ -79,9 +79,8 @@ _INSIDE = 0.03
 #: Factor on rigidities by modes. Band of measured modes relative to the frequency of the model,
 #: least fit (%) of them, largest deviation of the frequency, and least frequency that vibrates.
 _RIGIDITY, _BAND, _CLEAR, _SHARP, _STILL = (0.3, 1.2), (0.5, 1.15), 60.0, 0.05, 1e-4
-#: Rate below which friction is smooth, as a fraction of the largest joint rate, and first guess of
-#: the friction at rest, relative to that in motion.
-_SMOOTH, _STATIC = 0.02, 1.3
+#: Rate below which friction is smooth, as a fraction of the largest joint rate.
+_SMOOTH = 0.02
 #: Signal above noise: bins of a smoothed spectrum, power, and width beyond the last such frequency.
 _BINS, _ABOVE, _WIDER = 5, 10.0, 1.2
 #: Error of a gauge's distance that is named, and its least size in standard deviations.
@@ -109,9 +108,8 @@ def commission(
     2. The arm of the data sheet predicts the last 30 % of each record, which no stage fits.
     3. Stages: rigidity from the lowest measured mode; links and gauges, with joints that follow
        their measured angles; drives; all together. After each of them, effects that its residuals
-       show join the model: Coulomb friction (smoothed, with direction and Stribeck effect where
-       these help), backlash of elastic joints, offsets, gains and delays of the records. A stage
-       that does not predict the last parts better is taken back.
+       show join the model: smoothed Coulomb friction, offsets, gains and delays of the records. A
+       stage that does not predict the last parts better is taken back.
     4. The last fit has standard deviations and unseen records, as `identify`.
 
     Args:
@@ -388,13 +386,12 @@ class _Commissioning:
                 errors[effect.path] = without_error(effect.path) + effect.size
                 if effect.path.startswith("delays."):
                     errors[effect.path] = max(errors[effect.path], 0.0)
-            elif match:
+            else:
+                assert match is not None
                 index = int(match[1])
                 rate = self._smoothing(case)[driven_joints(spec).index(index)]
                 old = spec.joints[index].friction or Friction(coulomb=0.0, smoothing_rate=rate)
                 spec = _with_joint(spec, index, friction=old.replace(coulomb=effect.size))
-            else:
-                spec = with_number(spec, effect.path, effect.size)
         parameters = {effect.path: FreeParameter(effect.path) for effect in effects}
         return case._replace(spec=spec, errors=errors), parameters
 
@@ -449,14 +446,10 @@ _FRICTION = re.compile(r"joints\[(\d+)\]\.friction\.coulomb$")
 
 
 def _can_join(spec: ArmSpec, path: str) -> bool:
-    """Return whether an effect can be a parameter of the arm, which lacks it."""
-    parts = parts_of(path)
-    if parts[0] != "joints":
-        return False
-    joint = spec.joints[int(parts[1])]
-    if path.endswith("backlash"):
-        return joint.elastic
-    return joint.friction is None or joint.friction.coulomb == 0.0
+    """Return whether an effect is friction that a joint lacks."""
+    match = _FRICTION.match(path)
+    friction = spec.joints[int(match[1])].friction if match else None
+    return match is not None and (friction is None or friction.coulomb == 0.0)
 
 
 def _with_joint(spec: ArmSpec, index: int, **changes: Any) -> ArmSpec:
@@ -545,8 +538,6 @@ def _named(table: xr.Dataset) -> list[str]:
         elif kind == "delays":
             named = text if label else f"The {text}"
             sentences.append(f"{named} is late by about {value:.2g} s: a delay.")
-        elif path.endswith("backlash") and start == 0.0:
-            sentences.append(f"The {in_words(path)} is about {value:.2g} rad.")
         elif path.endswith(".distance"):
             change = value / start - 1.0
             if abs(change) > _NAMED:

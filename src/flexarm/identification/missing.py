@@ -172,7 +172,7 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
 def _of_inputs(
     run: RecordRun, case: Case, outputs: FloatArray
 ) -> dict[str, tuple[FloatArray, str]]:
-    """Return changes of the outputs by friction, backlash, and errors of the input."""
+    """Return changes of the outputs by friction and errors of the input."""
     joints, unit = run.samples.shape[1], MEASURED[run.record.input].unit
     rates = run.rates(case)
     if isinstance(rates, str):
@@ -181,16 +181,10 @@ def _of_inputs(
     signals: dict[str, FloatArray] = {}
     effects: dict[str, tuple[FloatArray, str]] = {}
     for k, (number, index) in enumerate(zip(run.joint_numbers, run.joint_places, strict=True)):
-        axis, joint = np.eye(joints)[k], case.spec.joints[index]
+        axis = np.eye(joints)[k]
         signals[f"joints[{index}].friction.coulomb"] = -np.sign(middle) * axis
         signals[f"offsets.{run.record.input}_{number}"] = -np.ones_like(middle) * axis
         signals[f"gains.{run.record.input}_{number}"] = -run.samples * axis
-        # The motor leads the link by half of the gap, in the direction of the torque between them.
-        inertia = joint.hub_inertia + joint.rotor_inertia * joint.gear_ratio**2
-        passed = run.samples[:, k] - inertia * np.gradient(rates[:, k]) * run.record.rate
-        angle = np.array([label == ("joint_angle", number) for label in run.labels])
-        gap = 0.5 * (np.sign(passed) - np.sign(passed[0]))[:, None] * angle
-        effects[f"joints[{index}].backlash"] = gap, "rad"
     signals[f"delays.{run.record.input}"] = -np.gradient(run.samples, axis=0) * run.record.rate
     size = _SIZE * np.abs(run.samples).max()
     sizes = [size / (np.abs(signal).max() or 1.0) for signal in signals.values()]
