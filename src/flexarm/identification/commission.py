@@ -153,17 +153,10 @@ def commission(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FlexarmWarning)
         work.go_through(parameters)
-    held = {f"{name}, last part": work.held(name) for name in fitted}
-    every, common = list(work.free.values()), (work.case.motors, *common[1:])
-    prepared = prepared_fit(
-        arm,
-        fitted if unseen else work.parts,
-        every,
-        unseen or held,
-        *common,
-        work.case.errors,
-        Arm(work.case.spec),
-    )
+        case, every = work.case, list(work.free.values())
+        fitted, held = fitted if unseen else work.parts, unseen or work.last_parts()
+        start = case.motors, *common[1:], case.errors, Arm(case.spec)
+        prepared = prepared_fit(arm, fitted, every, held, *start)
     result = identified(prepared, 1, np.random.default_rng(0), "linear", 200)
     paths = result.parameters["parameter"].values.tolist()
     starts = np.array([work.sheet.get(path, without_error(path)) for path in paths], dtype=float)
@@ -227,9 +220,12 @@ class _Commissioning:
         self._stage("drives", drives)
         self._stage("together", {**self.free, **every})
 
-    def held(self, name: str, following: bool = False) -> MeasuredRecord:
+    def last_parts(self) -> dict[str, MeasuredRecord]:
+        """Return the records that judge the stages, by their names in results."""
+        return {f"{n}, last part": self._held(r, False) for n, r in self._records.items()}
+
+    def _held(self, record: MeasuredRecord, following: bool) -> MeasuredRecord:
         """Return a record whose first part is not compared; its joints may be prescribed."""
-        record = self._records[name]
         known = np.arange(record.times.size) >= _length(record)
         settings = record.settings
         if record.controller is None and settings.initial_angle is None:
@@ -245,7 +241,7 @@ class _Commissioning:
 
     def _score(self, case: Case, following: bool = False) -> _Score:
         """Return RMS and fit on the parts that are not fitted; empty if a run fails."""
-        records = {name: self.held(name, following) for name in self._records}
+        records = {name: self._held(r, following) for name, r in self._records.items()}
         space = Space(Arm(case.spec), case.motors, [], records, case.errors)
         problem = fitting.FitProblem(space, self._runs(records), None)
         names = [slot.name for slot in space.slots]
@@ -414,7 +410,8 @@ class _Commissioning:
             friction = spec.joints[k].friction
             assert friction is not None
             rate = self._smoothing(self.case)[driven_joints(spec).index(k)]
-            spec = _with_joint(spec, k, friction=friction.replace(smoothing_rate=rate))
+            if rate > 0.0:  # a joint that does not move has no friction in motion
+                spec = _with_joint(spec, k, friction=friction.replace(smoothing_rate=rate))
         self.case = self.case._replace(spec=spec)
 
     def _use_modes(self, rigidities: Sequence[str]) -> None:
