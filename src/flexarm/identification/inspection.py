@@ -20,7 +20,7 @@ _CONSTANT, _LONGER, _LIMITED = 10, 20.0, 3
 #: Least number of samples at a limit.
 _SAMPLES = 5
 #: Distance of a spike from its neighbours, in typical ones and as a fraction of the range.
-_FAR, _PART = 20.0, 0.1
+_FAR, _PART = 20.0, 0.5
 #: Change of a signal that moves the arm, as a fraction of its range.
 _MOVES = 0.01
 
