@@ -270,7 +270,7 @@ class _Commissioning:
                 squares = np.sum(problem.whitened(k, slopes) ** 2, axis=(0, 1))
                 effect[space.acting_on(k)] += squares
             small = np.sqrt(effect) * space.scale < _NO_EFFECT
-            idle = {slot.path for slot, one in zip(space.slots, small, strict=True) if one}
+            idle = {slot.path for slot, tiny in zip(space.slots, small, strict=True) if tiny}
             if idle & free.keys():
                 rest = {path: p for path, p in free.items() if path not in idle}
                 return self._fitted(case, rest, following)

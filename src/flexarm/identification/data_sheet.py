@@ -79,7 +79,7 @@ def _relative(
     if value == 0.0:
         return None
     lower, upper = sorted((limits[0] * value, limits[1] * value))
-    prior = {}
+    prior: dict[str, float] = {}
     if limits[2] is not None:
         prior = {"prior": value, "prior_deviation": limits[2] * abs(value)}
     return FreeParameter(start + path, lower=lower, upper=upper, **prior)

@@ -33,7 +33,7 @@ def inspected(name: str, record: MeasuredRecord) -> tuple[MeasuredRecord, list[s
     begins = [np.abs(c - c[0]) > _MOVES * np.ptp(c[np.isfinite(c)]) for c in moving.values()]
     acting = np.flatnonzero(np.any(begins, axis=0))
     for label in record.outputs if acting.size else ():
-        columns[label], texts = _without_faults(label, columns[label], record.times, acting[0])
+        columns[label], texts = _without_faults(label, columns[label], record.times, int(acting[0]))
         sentences += texts
     checked = with_columns(record, columns, record.settings)
     return checked, [f"{name}: {sentence}" for sentence in sentences]
