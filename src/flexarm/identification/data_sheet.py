@@ -79,10 +79,10 @@ def _relative(
     if value == 0.0:
         return None
     lower, upper = sorted((limits[0] * value, limits[1] * value))
-    prior: dict[str, float] = {}
-    if limits[2] is not None:
-        prior = {"prior": value, "prior_deviation": limits[2] * abs(value)}
-    return FreeParameter(start + path, lower=lower, upper=upper, **prior)
+    parameter = FreeParameter(start + path, lower=lower, upper=upper)
+    if limits[2] is None:
+        return parameter
+    return parameter.replace(prior=value, prior_deviation=limits[2] * abs(value))
 
 
 def _by_path(items: list[FreeParameter | None]) -> Parameters:

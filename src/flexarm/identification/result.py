@@ -301,8 +301,9 @@ def _restored(dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def _no_parameters() -> xr.Dataset:
-    names = "estimate standard_deviation interval_start interval_end start lower upper at_bound"
+    names = "estimate standard_deviation interval_start interval_end start lower upper"
     columns: dict[str, Any] = {name: ("parameter", np.zeros(0)) for name in names.split()}
+    columns["at_bound"] = "parameter", np.zeros(0, dtype=bool)
     columns["correlation"] = ("parameter", "other"), np.zeros((0, 0))
     return xr.Dataset(columns, {name: np.zeros(0, dtype=str) for name in ("parameter", "other")})
 

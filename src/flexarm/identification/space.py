@@ -329,8 +329,13 @@ def in_words(path: str) -> str:
 
 def check_free(value: object, least: int = 1) -> list[FreeParameter]:
     """Return free parameters, from a list of paths and ``FreeParameter`` objects."""
-    items = list(value) if isinstance(value, list | tuple) else [None]
-    if len(items) < least or not all(isinstance(item, str | FreeParameter) for item in items):
+    listed = isinstance(value, list | tuple)
+    items = list(value) if isinstance(value, list | tuple) else []
+    if (
+        not listed
+        or len(items) < least
+        or not all(isinstance(item, str | FreeParameter) for item in items)
+    ):
         rule = "be a list of paths and FreeParameter objects"
         raise InputError(Problem("free", rule, shown(value)))
     return [FreeParameter(item) if isinstance(item, str) else item for item in items]
