@@ -116,7 +116,7 @@ def information_of(
             columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None], good, k))
     slots = problem.space.slots
     priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
-    return columns, priors, np.array([not slot.initial for slot in slots])
+    return columns, priors, np.array([not slot.initial for slot in slots], dtype=bool)
 
 
 def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.ndarray) -> xr.Dataset:
