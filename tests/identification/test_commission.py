@@ -10,6 +10,7 @@ from data.bench_records import ONE
 from flexarm.identification.data_sheet import of_drives, of_links, of_masses
 from flexarm.identification.inspection import inspected
 from flexarm.identification.record import Label
+from flexarm.model.paths import with_number
 from identification.benches import arm_of, believed, record, rough_record, truth
 from identification.faults import FAULTS, faulty_record, names_fault
 
@@ -164,7 +165,11 @@ def test_commissioning_from_a_wrong_data_sheet():
 @pytest.mark.thorough
 @pytest.mark.parametrize("fault", FAULTS)
 def test_planted_faults_are_named(fault):
+    arm = believed(ONE, 1)
+    if fault == "gain":  # a distance that is wrong by the same factor would hide it
+        distance = "links[0].gauges[0].distance"
+        arm = fa.Arm(with_number(arm.spec, distance, truth(ONE, distance)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = fa.commission(believed(ONE, 1), faulty_record(fault, 1, 2.0), progress=False)
+        found = fa.commission(arm, faulty_record(fault, 1, 2.0), progress=False)
     assert names_fault(found, fault), [*found.findings, *found.missing]
