@@ -76,6 +76,7 @@ from .control.laws import StrainFeedback as StrainFeedback
 from .control.laws import WaveBasedControl as WaveBasedControl
 from .identification.assessment import Identifiability as Identifiability
 from .identification.assessment import identifiability as identifiability
+from .identification.commission import commission as commission
 from .identification.frequency.fit import MeasuredModes as MeasuredModes
 from .identification.frequency.records import measured_modes as measured_modes
 from .identification.frequency.response import FrequencyResponse as FrequencyResponse

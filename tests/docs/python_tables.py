@@ -40,7 +40,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "identification": (
         *("read_record", "MeasuredRecord", "Filter"),
-        *("identify", "FreeParameter", "Identification"),
+        *("identify", "commission", "FreeParameter", "Identification"),
         *("identifiability", "Identifiability", "optimal_excitation", "OptimalExcitation"),
         *("multisine", "Multisine"),
         *("frequency_response", "FrequencyResponse", "measured_modes", "MeasuredModes"),

@@ -6,7 +6,8 @@ Blocks of a page run in order, in one empty folder and one Python namespace:
   line they are saved under that name for later blocks. Other ``yaml`` blocks show keys of an arm,
   a link or a scenario and are tried on the arm of two links below.
 - ``python`` blocks are executed. With ``requires=NAME`` in the head line a block needs another
-  program: it runs in a separate test, which is skipped if the program is not installed. With
+  program: it runs in a separate test, which is skipped if the program is not installed;
+  ``requires=flexarm`` keeps a slow block out of the short suite. With
   ``runs=sample`` its ``fa.compare`` simulates two plants for each controller, and these cells of
   its output are compared; ``FULL_PAGES=1`` (``make suite ALL=1 FULL=1``) simulates all of them.
 - ``bash`` blocks whose lines begin with ``flexarm`` run; ``exit=2`` in the head line is the

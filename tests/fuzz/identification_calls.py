@@ -56,6 +56,7 @@ def response() -> fa.FrequencyResponse:
 
 IDENTIFICATION: dict[str, dict[str, Any]] = {
     "identify": {"arm": two_links, "records": measured, "free": FREE, "iterations": 1},
+    "commission": {"arm": one_link, "records": shaken, "rtol": 1e-3, "progress": False},
     "identifiability": {"arm": one_link, "records": shaken, "free": FREE},
     "frequency_response": {"records": shaken, "period": 0.5},
     "measured_modes": {"records": shaken, "count": 1},

@@ -148,7 +148,7 @@ def test_priors_limit_the_change_by_effects(monkeypatch):
     slopes = np.stack([first, first + 1e-4 * other], axis=1)
     change = effect + 0.1 * first + 0.1 * other
     columns = [Column(change + 0.1 * random.standard_normal(800), slopes, np.ones(800, bool))]
-    candidate = missing._Candidate("an offset", "", [change], False)
+    candidate = missing._Candidate("offsets.torque_1", "", [change])
     monkeypatch.setattr(missing, "_candidates", lambda *_: [candidate])
     problem = SimpleNamespace(runs=[], space=SimpleNamespace(scale=np.ones(2)))
     (found,) = missing.missing_effects(problem, None, columns, np.array([0.0, 0.1**-2]))
@@ -183,7 +183,7 @@ def test_gaps_do_not_reduce_the_noise_of_the_score_test():
     change = valid.astype(float)
     residuals = noise.ravel() + 0.3 * change  # the mean of 100 samples has a deviation of 0.1
     column = Column(residuals, np.zeros((400, 1)), valid)
-    candidate = _Candidate("an offset", "", [change], False)
+    candidate = _Candidate("offsets.torque_1", "", [change])
     share, _ = _test(candidate, [column], np.zeros((400, 0)), residuals, 1.0)
     assert share == 0.0
 

@@ -71,7 +71,7 @@ class Assessment(NamedTuple):
 def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
     """Return the assessment of a fit, with tests of ``effects`` that the model lacks."""
     slots, size = problem.space.slots, np.abs(fit.vector)
-    columns, priors, physical = _information_of(problem, fit)
+    columns, priors, physical = information_of(problem, fit)
     # Residuals of a search that goes on, or below the accuracy of the runs, show nothing.
     rough = fit.converged and min(fits_by_channel(problem.runs, fit.outputs).values()) < _PERFECT
     missing = missing_effects(problem, fit, columns, priors) if effects and rough else []
@@ -94,7 +94,7 @@ def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
     )
 
 
-def _information_of(
+def information_of(
     problem: FitProblem, fit: Fit
 ) -> tuple[list[Column], FloatArray, NDArray[np.bool_]]:
     """Return weighted residuals with derivatives, inverse variances of priors, physical slots."""
@@ -116,7 +116,7 @@ def _information_of(
             columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None], good, k))
     slots = problem.space.slots
     priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
-    return columns, priors, np.array([not slot.initial for slot in slots])
+    return columns, priors, np.array([not slot.initial for slot in slots], dtype=bool)
 
 
 def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.ndarray) -> xr.Dataset:
@@ -410,7 +410,7 @@ def predicted(
     fit = Fit(space.start, 0.0, outputs, problem.noise, 0, True)
     try:
         assessment = assessed(problem, fit, effects=False)
-        columns, priors, physical = _information_of(problem, fit)
+        columns, priors, physical = information_of(problem, fit)
     except FitFailure as error:
         raise SimulationError(0.0, str(error)) from None
     information = own_information(columns, priors, space.scale, physical)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError
 from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Case, Space, initial_argument
+from flexarm.identification.space import Case, Space, initial_argument, of_records
 from flexarm.integrate.base import FloatArray
 from flexarm.simulation.derivatives.sensitivities import sensitivities
 
@@ -24,7 +24,7 @@ _ROUNDS, _SETTLED = 6, 0.03
 #: First guess of the noise of a channel, and its lowest value, as fractions of its signal.
 _GUESS, _LEAST = 0.1, 1e-7
 #: Relative changes of the sum of squares or of the parameters that end the fit.
-_COARSE, _FINE = 1e-3, 1e-6
+COARSE, _FINE = 1e-3, 1e-6
 
 #: Samples of the beginning of each record that is fitted first.
 _BEGINNING = 1000
@@ -241,7 +241,13 @@ class Fit:
     gains: tuple[Any, ...] = ()  # of the filters of prediction errors, one for each record
 
 
-def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int) -> Fit:
+def fit_from(
+    problem: FitProblem,
+    start: FloatArray,
+    loss: str,
+    iterations: int,
+    precision: float = _FINE,
+) -> Fit:
     """Fit from a vector of parameters, with the noise of the channels estimated in between."""
     scaled, robust = problem.scaled(start), loss != "linear"
     problem.evaluations = 0
@@ -253,7 +259,7 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
     # in phase there, so that it has fewer wrong minima.
     early, left = problem.beginning(), iterations
     if early is not None:
-        first, _, used = _minimum(early, scaled, loss, max(1, left // 2), _COARSE)
+        first, _, used = _minimum(early, scaled, loss, max(1, left // 2), COARSE)
         left = max(1, left - used)
         first_outputs = problem.outputs(problem.vector(first))
         if first_outputs is not None:
@@ -262,8 +268,8 @@ def fit_from(problem: FitProblem, start: FloatArray, loss: str, iterations: int)
     free = problem.noise.keys() - problem.fixed
     converged, change = True, 0.0
     for attempt in range(_ROUNDS):
-        precision = _COARSE if free and attempt == 0 else _FINE
-        scaled, converged, used = _minimum(problem, scaled, loss, left, precision)
+        rough = COARSE if free and attempt == 0 else precision
+        scaled, converged, used = _minimum(problem, scaled, loss, left, rough)
         left -= used
         vector = problem.vector(scaled)
         outputs, change = problem.tune(vector, problem.outputs(vector) or outputs, robust)
@@ -283,6 +289,8 @@ def _minimum(
 
     lower, upper = (problem.scaled(bound) for bound in problem.space.bounds)
     accepted: list[FloatArray] = []
+    if not scaled.size:
+        return scaled, True, 1
 
     def jacobian(place: FloatArray) -> FloatArray:
         rows = problem.jacobian(place)
@@ -326,7 +334,7 @@ def other_fits(
         problem.restore(best)
         start = problem.scaled(np.clip(best.vector + sign * direction, lower, upper))
         try:
-            scaled, converged, _ = _minimum(problem, start, loss, iterations, _COARSE)
+            scaled, converged, _ = _minimum(problem, start, loss, iterations, COARSE)
             vector = problem.vector(scaled)
             outputs = problem.outputs(vector)
             if outputs is None:
@@ -401,7 +409,9 @@ def _exact_places(run: RecordRun, paths: Sequence[str]) -> list[int]:
     return [
         k
         for k, path in enumerate(paths)
-        if not (driven and _OF_MOTORS.match(path)) and not _OF_OUTPUTS.match(path)
+        if not (driven and _OF_MOTORS.match(path))
+        and not _OF_OUTPUTS.match(path)
+        and not of_records(path)
     ]
 
 
@@ -433,7 +443,7 @@ def _by_duals(
             exact = [k for j, k in enumerate(exact) if j not in wrong]
             continue
         channels = {name: np.moveaxis(dual[name].values, 0, -1) for name in run.channels}
-        derivatives[..., exact] = run.changes(channels)
+        derivatives[..., exact] = run.changes(channels, case)
         return exact
     return []
 
@@ -454,9 +464,11 @@ def _by_differences(
     cases: list[Case] = [space.case(record, vector)]
     steps: list[tuple[int, float]] = []
     readings = {k: _column_of(run, space.slots[places[k]].path) for k in chosen}
+    errors = run.reading_errors(cases[0], run.measured)  # their paths
     for k in chosen:
         place = places[k]
-        if readings[k] is not None and vector[place] != 0.0:
+        proportional = readings[k] is not None and vector[place] != 0.0
+        if proportional or space.slots[place].path in errors:
             continue
         for sign in (1.0, -1.0):
             moved = vector.copy()
@@ -473,11 +485,17 @@ def _by_differences(
     center, *others = run.simulate(cases)
     if isinstance(center, str):
         return center
+    errors = run.reading_errors(cases[0], center)
     for k in chosen:
+        if space.slots[places[k]].path in errors:
+            derivatives[..., k] = errors[space.slots[places[k]].path]
+            continue
         column, value = readings[k], vector[places[k]]
         if column is not None and value != 0.0:
-            # A strain is proportional to the distance of its gauge.
-            derivatives[:, column, k] = center[:, column] / value
+            # A strain without its offset is proportional to the distance of its gauge.
+            clean = errors[f"gains.{run.labels[column].text}"][:, column]
+            gain = cases[0].errors.get(f"gains.{run.labels[column].text}", 1.0)
+            derivatives[:, column, k] = gain * clean / value
             continue
         ends = [
             (change, outputs)

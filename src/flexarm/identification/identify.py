@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Unpack
+from types import MappingProxyType
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 import xarray as xr
@@ -48,7 +49,7 @@ from flexarm.identification.record import (
 )
 from flexarm.identification.result import Identification, related
 from flexarm.identification.runs import RecordRun, warn_of_work
-from flexarm.identification.space import Space, check_free
+from flexarm.identification.space import Case, Space, check_free, of_records
 from flexarm.identification.statistics import warn_of_fits
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
@@ -166,9 +167,21 @@ def identify(
     """
     random = np.random.default_rng(arguments.check_count("seed", seed, 0, 2**63 - 1))
     run, watch = settings_of(settings, keywords, identify), _watch(progress)
-    problem, others, parameters = _prepared(
+    prepared = prepared_fit(
         arm, records, free, validation, motors, loss, method, torque_noise, contacts, run, watch
     )
+    return identified(prepared, starts, random, loss, iterations)
+
+
+def identified(
+    prepared: Prepared,
+    starts: int | None,
+    random: np.random.Generator,
+    loss: str,
+    iterations: int,
+) -> Identification:
+    """Return the result of a fit, with the warnings of ``identify``."""
+    problem, others, parameters = prepared
     space, runs = problem.space, problem.runs
     tried = _fits(problem, 1 if starts is None else starts, random, loss, iterations)
     best, assessment = _best(problem, tried)
@@ -180,9 +193,7 @@ def identify(
             best, assessment = _best(problem, tried)
     shared = space.case(None, best.vector)
     estimated = Arm(shared.spec)
-    predicted = [
-        _predicted(run, estimated, shared.motors, parameters, best, iterations) for run in others
-    ]
+    predicted = [_predicted(run, estimated, shared, parameters, best, iterations) for run in others]
     fit = fits_of(runs, best.outputs)
     result = Identification(
         arm=estimated,
@@ -199,7 +210,7 @@ def identify(
         starts=tuple(np.nan if fit is None else fit.cost for fit in tried),
         missing=assessment.missing,
         alternatives=tuple(alternatives_of(problem, best, tried)),
-        method=method,
+        method="prediction_error" if isinstance(runs[0], PredictedRun) else METHODS[0],
         converged=best.converged,
     )
     doubts = [*result.undetermined, *result.alternatives]
@@ -214,7 +225,15 @@ def identify(
     return result
 
 
-def _prepared(
+class Prepared(NamedTuple):
+    """What ``identify`` fits, from arguments that are checked."""
+
+    problem: fitting.FitProblem
+    others: list[RecordRun]  # of records that are predicted
+    parameters: list[FreeParameter]
+
+
+def prepared_fit(
     arm: Arm,
     records: Records,
     free: Sequence[str | FreeParameter],
@@ -226,10 +245,12 @@ def _prepared(
     contacts: Sequence[Contact],
     settings: RunSettings,
     watch: fitting.Watch | None,
-) -> tuple[fitting.FitProblem, list[RecordRun], list[FreeParameter]]:
+    errors: Mapping[str, float] = MappingProxyType({}),
+    start: Arm | None = None,
+) -> Prepared:
     """Check the arguments of ``identify``, except those of the search.
 
-    Return the problem, the runs of records that are predicted, and the free parameters.
+    The fit starts at ``errors`` of the records and the arm ``start``, by default ``arm``.
     """
     if motors is not None:
         arguments.check_kind("motors", motors, Motors)
@@ -253,17 +274,21 @@ def _prepared(
     for name, record in every.items():
         if record.coarse:
             warn_caller(f"{name}: {record.coarse}", AccuracyWarning)
-    parameters = check_free(free)
+    parameters = check_free(free, least=0)
+    wrong = [p.path for p in parameters if of_records(p.path)]
+    if wrong and method == "prediction_error":
+        rule = f"is not supported with {wrong[0]}"
+        raise InputError(Problem("method", rule, hint='Use method="output_error".'))
     options = {name: getattr(settings, name) for name in MethodSettings.__annotations__}
     options |= {"contacts": touching} if touching else {}
-    space = Space(arm, motors, parameters, fitted)
+    space = Space(start or arm, motors, parameters, fitted, errors)
     kind = PredictedRun if method == "prediction_error" else RecordRun
     runs = [kind(name, record, arm, options) for name, record in every.items()]
     if method == "prediction_error":
         _check_rates(runs)
     warn_of_work(runs, space)
     problem = _problem(space, runs[: len(fitted)], watch, {}, disturbed)
-    return problem, runs[len(fitted) :], parameters
+    return Prepared(problem, runs[len(fitted) :], parameters)
 
 
 def _warn_of_far_estimates(parameters: xr.Dataset) -> None:
@@ -371,14 +396,14 @@ def _best(
 def _predicted(
     run: RecordRun,
     arm: Arm,
-    motors: Motors | None,
+    shared: Case,
     free: Sequence[FreeParameter],
     best: fitting.Fit,
     iterations: int,
 ) -> FloatArray:
     """Return the outputs of a record that was not fitted."""
     own = [parameter for parameter in free if parameter.per_record]
-    space = Space(arm, motors, own, {run.name: run.record})
+    space = Space(arm, shared.motors, own, {run.name: run.record}, shared.errors)
     problem = _problem(space, [run], None, best.noise, best.torque_noise)
     try:
         if space.slots:
@@ -424,22 +449,22 @@ class PreparedIdentification:
 
     def check(self) -> None:
         """Raise the errors of ``identify`` before its fit."""
-        with self._errors():
+        with self.errors():
             fit, data = self.study.fit, (self.records, list(self.study.free), self.validation)
             keywords = {name: getattr(fit, name) for name in MethodSettings.__annotations__}
             errors = fit.loss, fit.method, fit.torque_noise
             run = settings_of(None, keywords, identify)
-            _prepared(self.arm, *data, self.study.motors, *errors, (), run, None)
+            prepared_fit(self.arm, *data, self.study.motors, *errors, (), run, None)
 
     def run(self, progress: bool | None = None) -> Identification:
         """Estimate the parameters, with the errors of ``identify``."""
         keywords: dict[str, Any] = {"motors": self.study.motors, **dict(self.study.fit)}
         keywords |= {"validation": self.validation, "progress": progress}
-        with self._errors():
+        with self.errors():
             return identify(self.arm, self.records, list(self.study.free), **keywords)
 
     @contextmanager
-    def _errors(self) -> Iterator[None]:
+    def errors(self) -> Iterator[None]:
         """Raise errors with their key and their line if their place is a record."""
         try:
             yield

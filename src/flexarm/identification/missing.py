@@ -15,9 +15,9 @@ import numpy as np
 
 from flexarm.identification.fitting import Fit, FitProblem
 from flexarm.identification.prediction import PredictedRun
-from flexarm.identification.record import MEASURED
+from flexarm.identification.record import MEASURED, check_label
 from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Case
+from flexarm.identification.space import Case, in_words
 from flexarm.identification.statistics import Column, coloured_information
 from flexarm.integrate.base import FloatArray
 
@@ -37,15 +37,33 @@ class Effect(NamedTuple):
 
     sentence: str
     shift: FloatArray  # (parameters,) change of the estimates in a model that has it
+    path: str = ""  # of the parameter that describes it, if there is one
+    size: float = 0.0  # of the effect, SI units; of a gain, its relative error
 
 
 class _Candidate(NamedTuple):
     """Effect to test: its change of the weighted outputs, for a size of one unit."""
 
-    name: str
+    path: str
     unit: str
     columns: list[FloatArray]  # (samples,) of each column of residuals
-    positive: bool  # whether a negative size has no meaning
+
+    @property
+    def positive(self) -> bool:
+        """Whether a negative size has no meaning."""
+        return self.path.startswith("joints[")
+
+
+def effect_name(path: str, short: bool = False) -> str:
+    """Return the name of an effect in sentences and, if ``short``, in tables."""
+    kind, _, text = path.partition(".")
+    words = in_words(path).replace("coulomb", "Coulomb")
+    if kind == "drifts":
+        words = f"drift of {text}"
+    if kind == "gains" and not short:
+        return f"a relative error of the gain of {text}"
+    article = "" if short or path.startswith("joints[") else "an " if kind == "offsets" else "a "
+    return article + words
 
 
 def missing_effects(
@@ -83,7 +101,7 @@ def missing_effects(
     inverse = np.linalg.pinv(rows)[:, : len(scale)]
     shifts = scale[:, None] * (inverse @ (basis[:, : len(scale)].T @ (changes * sizes)))
     return [
-        Effect(_sentence(candidate, size, share), shift)
+        Effect(_sentence(candidate, size, share), shift, candidate.path, float(size))
         for (candidate, share), size, shift in zip(chosen, sizes, shifts.T, strict=True)
     ]
 
@@ -91,9 +109,9 @@ def missing_effects(
 def _sentence(candidate: _Candidate, size: float, share: float) -> str:
     unit = f" {candidate.unit}" if candidate.unit else ""
     return (
-        f"The residuals show {candidate.name} of about {size:.2g}{unit} that the model lacks "
-        f"({100.0 * share:.0f} % of their power). The standard deviations contain the change of "
-        "the estimates by it."
+        f"The residuals show {effect_name(candidate.path)} of about {size:.2g}{unit} that the "
+        f"model lacks ({100.0 * share:.0f} % of their power). The standard deviations contain the "
+        "change of the estimates by it."
     )
 
 
@@ -131,57 +149,64 @@ def _test(
 def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
     """Return the effects to test, with their changes in all records."""
     zeros = [np.zeros(run.measured.shape) for run in problem.runs]
-    changes: dict[tuple[str, str, bool], list[FloatArray]] = {}
+    changes: dict[str, list[FloatArray]] = {}
+    units: dict[str, str] = {}
     for k, (run, outputs) in enumerate(zip(problem.runs, fit.outputs, strict=True)):
-        effects = _of_outputs(run, outputs)
+        case = problem.space.case(k, fit.vector)
+        effects = _of_outputs(run, case, outputs)
         if run.record.driven and run.record.input != "none":
-            effects |= _of_inputs(run, problem.space.case(k, fit.vector), outputs)
+            effects |= _of_inputs(run, case, outputs)
         # A channel without residuals, such as one that is always zero, has no noise to compare.
         tested = run.valid & np.any((run.measured != outputs) & run.valid, axis=0)
-        for key, change in effects.items():
-            columns_of_effect = changes.setdefault(key, list(zeros))
+        for path, (change, unit) in effects.items():
+            columns_of_effect = changes.setdefault(path, list(zeros))
             columns_of_effect[k] = problem.whitened(k, np.where(tested, change, 0.0))
+            units[path] = unit
     return [
-        _Candidate(name, unit, [column for columns in every for column in columns.T], positive)
-        for (name, unit, positive), every in changes.items()
+        _Candidate(path, units[path], [column for columns in every for column in columns.T])
+        for path, every in changes.items()
         if any(np.any(columns) for columns in every)
     ]
 
 
 def _of_inputs(
     run: RecordRun, case: Case, outputs: FloatArray
-) -> dict[tuple[str, str, bool], FloatArray]:
-    """Return changes of the outputs by friction, offsets and a delay of the input."""
+) -> dict[str, tuple[FloatArray, str]]:
+    """Return changes of the outputs by friction and errors of the input."""
     joints, unit = run.samples.shape[1], MEASURED[run.record.input].unit
     rates = run.rates(case)
     if isinstance(rates, str):
         return {}
     middle = 0.5 * (rates + np.vstack([rates[1:], rates[-1:]]))  # of each sample of the input
-    signals, word = {}, run.record.input
-    for k, number in enumerate(run.joint_numbers):
+    signals: dict[str, FloatArray] = {}
+    effects: dict[str, tuple[FloatArray, str]] = {}
+    for k, (number, index) in enumerate(zip(run.joint_numbers, run.joint_places, strict=True)):
         axis = np.eye(joints)[k]
-        signals[f"Coulomb friction of joint {number}", unit, True] = -np.sign(middle) * axis
-        signals[f"an offset of {word}_{number}", unit, False] = np.ones_like(middle) * axis
-    late = -np.gradient(run.samples, axis=0) * run.record.rate
-    signals[f"a delay of the {word}", "s", False] = late
+        signals[f"joints[{index}].friction.coulomb"] = -np.sign(middle) * axis
+        signals[f"offsets.{run.record.input}_{number}"] = -np.ones_like(middle) * axis
+        signals[f"gains.{run.record.input}_{number}"] = -run.samples * axis
+    signals[f"delays.{run.record.input}"] = -np.gradient(run.samples, axis=0) * run.record.rate
     size = _SIZE * np.abs(run.samples).max()
     sizes = [size / (np.abs(signal).max() or 1.0) for signal in signals.values()]
     changed = run.disturbed(case, [s * f for s, f in zip(signals.values(), sizes, strict=True)])
-    return {
-        key: (values - outputs) / factor
-        for key, factor, values in zip(signals, sizes, changed, strict=True)
-        if factor and not isinstance(values, str)
-    }
+    for path, factor, values in zip(signals, sizes, changed, strict=True):
+        if factor and not isinstance(values, str):
+            own = {"delays": "s", "gains": ""}.get(path.split(".")[0], unit)
+            effects[path] = (values - outputs) / factor, own
+    return effects
 
 
-def _of_outputs(run: RecordRun, outputs: FloatArray) -> dict[tuple[str, str, bool], FloatArray]:
-    """Return changes of the outputs by offsets, gains and delays of themselves."""
+def _of_outputs(
+    run: RecordRun, case: Case, outputs: FloatArray
+) -> dict[str, tuple[FloatArray, str]]:
+    """Return changes of the outputs by offsets, drifts, gains and delays of themselves."""
     effects = {}
-    for k, label in enumerate(run.labels):
-        axis, reading = np.eye(len(run.labels))[k], outputs[:, k : k + 1]
+    for path, change in run.reading_errors(case, outputs).items():
+        kind, _, text = path.partition(".")
+        label = check_label("path", text)
         unit = MEASURED[label.channel].unit.replace("1", "")
-        late = -np.gradient(reading, axis=0) * run.record.rate
-        effects[f"an offset of {label.text}", unit, False] = np.ones_like(reading) * axis
-        effects[f"a relative error of the gain of {label.text}", "", False] = reading * axis
-        effects[f"a delay of {label.text}", "s", False] = late * axis
+        effects[path] = change, {"delays": "s", "gains": ""}.get(kind, unit)
+        if kind == "offsets":
+            slow = run.times[:, None] - run.times.mean()
+            effects[f"drifts.{text}"] = change * slow, f"{unit}/s"
     return effects

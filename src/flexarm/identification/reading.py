@@ -123,7 +123,8 @@ def record_of_file(
     names = {record.split_unit(header)[0]: header for header in table}
     columns = _columns(description, table, names)
     times, stated = _times(description, table, names)
-    _unwrap(columns)
+    for text in unwrap(columns):
+        warn_caller(text, FlexarmWarning)
     times, columns = _uniform(description, times, columns)
     fields = {name: getattr(description, name) for name in RecordSettings.model_fields}
     chosen = RecordSettings(**fields)
@@ -178,8 +179,9 @@ def _check_size(place: str, label: record.Label, values: FloatArray) -> None:
         raise InputError(Problem(place, rule, hint=f"Give a unit, such as {other!r}, or {si!r}."))
 
 
-def _unwrap(columns: dict[record.Label, FloatArray]) -> None:
-    """Remove the jumps of a whole turn of joint angles, with a notice."""
+def unwrap(columns: dict[record.Label, FloatArray]) -> list[str]:
+    """Remove the jumps of a whole turn of joint angles; return notices."""
+    notices = []
     for label, column in columns.items():
         good = np.isfinite(column)
         steps = np.abs(np.diff(column[good]))
@@ -188,8 +190,9 @@ def _unwrap(columns: dict[record.Label, FloatArray]) -> None:
             continue
         columns[label] = np.where(good, 0.0, np.nan)
         columns[label][good] = np.unwrap(column[good])
-        text = f"{label.text} jumps by a whole turn {int(jumps.sum())} times; it is unwrapped."
-        warn_caller(text, FlexarmWarning)
+        count = int(jumps.sum())
+        notices.append(f"{label.text} jumps by a whole turn {count} times; it is unwrapped.")
+    return notices
 
 
 def _header(place: str, name: str, table: _Table, names: Mapping[str, str]) -> str:

@@ -129,8 +129,13 @@ def dataset_of(times: np.ndarray, columns: dict[Label, np.ndarray]) -> xr.Datase
     return xr.Dataset(variables).assign_coords(coordinates)
 
 
-def columns_of(data: xr.Dataset, names: Collection[str]) -> dict[Label, np.ndarray]:
-    """Return the columns (samples,) of channels of a record or of a result."""
+def columns_of(
+    data: xr.Dataset, names: Collection[str], empty: bool = False
+) -> dict[Label, np.ndarray]:
+    """Return the columns (samples,) of channels of a record or of a result.
+
+    Columns without a sample are left out, but not with ``empty``.
+    """
     columns: dict[Label, np.ndarray] = {}
     for name in names:
         values = np.asarray(data[name].values, dtype=np.float64)
@@ -143,7 +148,7 @@ def columns_of(data: xr.Dataset, names: Collection[str]) -> dict[Label, np.ndarr
         columns |= {
             Label(name, part): column for part, column in zip(parts.tolist(), values.T, strict=True)
         }
-    return {label: c for label, c in columns.items() if not np.all(np.isnan(c))}
+    return {label: c for label, c in columns.items() if empty or not np.all(np.isnan(c))}
 
 
 def place_of(arm: Arm, label: Label) -> int:
@@ -185,16 +190,20 @@ class Path:
         """Return the values (samples,) of a record after the filters that it does not contain."""
         return self._after(values[:, None])[:, 0]
 
-    def simulated(self, values: FloatArray) -> FloatArray:
-        """Return simulated values (samples, runs) as the record would contain them."""
-        return self._after(self._through(self._late(values), self._recorded))
+    def simulated(self, values: FloatArray, late: float = 0.0) -> FloatArray:
+        """Return simulated values (samples, runs) as the record would contain them.
 
-    def _late(self, values: FloatArray) -> FloatArray:
-        if self._delay == 0.0:
+        ``late`` is a delay (s) in addition to that of the record.
+        """
+        return self._after(self._through(self._late(values, late), self._recorded))
+
+    def _late(self, values: FloatArray, late: float) -> FloatArray:
+        delay = self._delay + late
+        if delay == 0.0:
             return values
         from scipy.interpolate import CubicSpline
 
-        before = np.maximum(self._times - self._delay, self._times[0])
+        before = np.maximum(self._times - delay, self._times[0])
         return np.asarray(CubicSpline(self._times, values)(before))
 
     def _after(self, values: FloatArray) -> FloatArray:
@@ -420,6 +429,18 @@ class MeasuredRecord:
         return problems + [
             gap for name, column in needed.items() for gap in _gap_problems(name, column, self)
         ]
+
+
+def with_columns(
+    record: MeasuredRecord, columns: Mapping[Label, FloatArray], settings: RecordSettings
+) -> MeasuredRecord:
+    """Return a record with other values of its columns (samples,), and other settings."""
+    every = columns_of(record.data, [name for name in MEASURED if name in record.data], empty=True)
+    data = dataset_of(record.data["time"].values, every | dict(columns))
+    data = data.assign_attrs(record.data.attrs)
+    data["time"].attrs |= record.data["time"].attrs
+    others = {key: getattr(record, key) for key in ("controller", "reference", "hardware")}
+    return MeasuredRecord(data, settings, **others)
 
 
 def treated(

@@ -48,6 +48,10 @@ class Identification:
             determine; empty if all are determined.
         missing: sentences about effects that the residuals show and the model lacks.
         alternatives: sentences about other arms that fit almost equally well.
+        findings: sentences of ``commission`` about faults of instruments and physics of the arm.
+        stages: of ``commission``: dataset over ``stage`` and ``channel``: ``before`` and ``after``
+            (fit in percent on parts that no stage fits, the smallest of all records), ``kept``, and
+            ``seconds`` (CPU); empty for ``identify``.
         fit: dataset over ``record`` and ``channel``: ``fit`` (percent, 100 is perfect), ``rms`` of
             the residuals (SI units), ``whiteness`` and ``independence``: the probabilities of
             correlations as large as those among residuals, and between residuals and inputs, if
@@ -84,6 +88,8 @@ class Identification:
     converged: bool
     missing: tuple[str, ...] = ()
     alternatives: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+    stages: xr.Dataset = field(default_factory=xr.Dataset)
     flexarm_version: str = field(default_factory=package_version)
 
     @public_call
@@ -137,7 +143,11 @@ class Identification:
         return [*unfinished, *self.undetermined, *self.alternatives, *self.missing]
 
     def __str__(self) -> str:
-        lines = [aligned([HEADS, *self.rows()])]
+        lines = [*self.findings]
+        if self.stages:
+            lines.append(aligned([*stage_rows(self.stages)]))
+        if self.parameters.sizes["parameter"]:
+            lines.append(aligned([HEADS, *self.rows()]))
         if related(self.parameters):
             lines.append(aligned([RELATED_HEADS, *related(self.parameters)]))
         lines.append(aligned([FIT_HEADS, *fit_rows(self.fit)]))
@@ -170,6 +180,18 @@ def related(parameters: xr.Dataset) -> list[tuple[str, str, str]]:
     pairs = np.argwhere(np.triu(np.abs(matrix) > _RELATED, 1)).tolist()
     pairs.sort(key=lambda pair: -abs(matrix[tuple(pair)]))
     return [(str(names[i]), str(names[j]), f"{matrix[i, j]:.3f}") for i, j in pairs]
+
+
+def stage_rows(stages: xr.Dataset) -> list[tuple[str, ...]]:
+    """Return the table of stages with its heads: fit before and after on parts not fitted."""
+    channels = [str(name) for name in stages["channel"].values]
+    rows: list[tuple[str, ...]] = [("stage", *(f"{name} %" for name in channels), "")]
+    for k, stage in enumerate(stages["stage"].values.tolist()):
+        pairs = zip(stages["before"].values[k], stages["after"].values[k], strict=True)
+        cells = [f"{a:.1f} to {b:.1f}" if k else f"{b:.1f}" for a, b in pairs]
+        cells = ["" if "nan" in cell else cell for cell in cells]
+        rows.append((stage, *cells, "kept" if stages["kept"].values[k] else "taken back"))
+    return rows
 
 
 _TESTS = ("whiteness", "independence")
@@ -213,8 +235,8 @@ def aligned(rows: list[tuple[Any, ...]]) -> str:
 
 #: Attribute of such a dataset, and the sentences and tables of a result.
 _KIND = "identification"
-_SENTENCES = ("undetermined", "missing", "alternatives")
-_TABLES = ("parameters", "initial", "fit", "validation")
+_SENTENCES = ("undetermined", "missing", "alternatives", "findings")
+_TABLES = ("parameters", "initial", "fit", "validation", "stages")
 
 
 def _stored(result: Identification) -> xr.Dataset:
@@ -257,11 +279,9 @@ def _restored(dataset: xr.Dataset) -> dict[str, Any]:
         given = json.loads(dataset.attrs[_KIND])
         names = given.pop("histories")
         fields: dict[str, Any] = {name: _table(dataset, name) for name in _TABLES}
-        nothing = slice(0, 0)
-        fields["initial"] = fields["initial"] or fields["parameters"].isel(
-            parameter=nothing, other=nothing
-        )
-        fields["validation"] = fields["validation"] or fields["fit"].isel(record=nothing)
+        for name in ("parameters", "initial"):
+            fields[name] = fields[name] or _no_parameters()
+        fields["validation"] = fields["validation"] or fields["fit"].isel(record=slice(0, 0))
         fields["histories"] = {name: _history(dataset, k) for k, name in enumerate(names)}
         noise, motors = given["torque_noise"], given["motors"]
         return {
@@ -278,6 +298,14 @@ def _restored(dataset: xr.Dataset) -> dict[str, Any]:
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         rule = f"contains a damaged identification: {type(error).__name__}"
         raise InputError(Problem("dataset", rule)) from None
+
+
+def _no_parameters() -> xr.Dataset:
+    names = "estimate standard_deviation interval_start interval_end start lower upper"
+    columns: dict[str, Any] = {name: ("parameter", np.zeros(0)) for name in names.split()}
+    columns["at_bound"] = "parameter", np.zeros(0, dtype=bool)
+    columns["correlation"] = ("parameter", "other"), np.zeros((0, 0))
+    return xr.Dataset(columns, {name: np.zeros(0, dtype=str) for name in ("parameter", "other")})
 
 
 def is_identification(value: object) -> bool:

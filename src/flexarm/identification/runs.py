@@ -62,12 +62,16 @@ class RecordRun:
         self.times = times = record.times - record.times[0]
         self._paths, self.measured, self.valid = treated(record)
         self._places = [place_of(arm, label) for label in self.labels]
+        constants = [path.simulated(np.ones((times.size, 1))) for path in self._paths]
+        self._constant = np.concatenate(constants, axis=1)  # an offset of one as recorded
         self.channels = list(dict.fromkeys(label.channel for label in self.labels))
         #: Inputs (samples, joints), in their unit.
         self.samples = np.zeros((times.size, arm.n_joints))
         for label, column in record.inputs.items():
             self.samples[:, place_of(arm, label)] = column
         self.joint_numbers = arm.joint_numbers.tolist()
+        #: Index of each joint in the arm, whose fixed joints have no number.
+        self.joint_places = [k for k, joint in enumerate(arm.spec.joints) if not joint.fixed]
         self._drive = self._history(self.samples)
         self._prescribed = self._prescribed_joints()
         self._angles, self._held = start_angles(arm, record), leading_joints(arm, record)
@@ -124,18 +128,30 @@ class RecordRun:
             self.name, MeasuredRecord(data, record.settings), self._arm, self._options
         )
 
-    def _history(self, samples: FloatArray) -> PiecewiseCubic:
-        """Return inputs (samples, joints) over time, after their delay."""
+    def _history(self, samples: FloatArray, late: float = 0.0) -> PiecewiseCubic:
+        """Return inputs (samples, joints) over time, after their delay and ``late`` (s)."""
         record = self.record
         history = sampled_torque(
             samples, record.rate, record.duration, samples.shape[1], record.interpolation
         )
-        delay = record.settings.delays.get(record.input, 0.0)
+        delay = record.settings.delays.get(record.input, 0.0) + late
         return delayed(history, delay) if delay else history
+
+    def _true_input(self, case: Case) -> PiecewiseCubic:
+        """Return the input over time without the errors of the record."""
+        if not case.errors:
+            return self._drive
+        samples, late = self.samples.copy(), case.errors.get(f"delays.{self.record.input}", 0.0)
+        for label in self.record.inputs:
+            place = place_of(self._arm, label)
+            samples[:, place] -= case.errors.get(f"offsets.{label.text}", 0.0)
+            samples[:, place] /= max(case.errors.get(f"gains.{label.text}", 1.0), 1e-300)
+        return self._history(samples, late)
 
     def disturbed(self, case: Case, signals: Sequence[FloatArray]) -> list[FloatArray | str]:
         """Return the outputs of a case with signals (samples, joints) added to the input."""
-        drives = [self._history(self.samples + signal) for signal in signals]
+        late = case.errors.get(f"delays.{self.record.input}", 0.0)
+        drives = [self._history(self.samples + signal, late) for signal in signals]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FlexarmWarning)
             return self._open_loop([case] * len(signals), drives)
@@ -167,7 +183,7 @@ class RecordRun:
             result = simulate(self._arm, plant=plant, progress=False, **self.arguments(case))
         except SimulationError as error:
             return str(error)
-        return self._outputs({name: result[name].values for name in self.channels})
+        return self._outputs({name: result[name].values for name in self.channels}, case)
 
     def _open_loop(
         self, cases: Sequence[Case], drives: Sequence[PiecewiseCubic] | None = None
@@ -204,14 +220,32 @@ class RecordRun:
         for row, k in enumerate(runs):
             failure = str(batch["failure"].values[row])
             rows = {name: value[row] for name, value in values.items()}
-            outputs[k] = failure or self._outputs(rows)
+            outputs[k] = failure or self._outputs(rows, cases[k])
         return outputs
 
-    def _outputs(self, channels: Mapping[str, FloatArray]) -> FloatArray:
+    def _outputs(self, channels: Mapping[str, FloatArray], case: Case) -> FloatArray:
         """Return simulated channels as the record contains them, (samples, channels)."""
-        return self.changes({name: values[..., None] for name, values in channels.items()})[..., 0]
+        values = {name: values[..., None] for name, values in channels.items()}
+        return self.changes(values, case)[..., 0] + self._reading_offsets(case)
 
-    def changes(self, channels: Mapping[str, FloatArray]) -> FloatArray:
+    def _reading_offsets(self, case: Case) -> FloatArray:
+        """Return the offsets of readings as the record contains them, (samples, channels)."""
+        offsets = [case.errors.get(f"offsets.{label.text}", 0.0) for label in self.labels]
+        return np.array(offsets) * self._constant
+
+    def reading_errors(self, case: Case, outputs: FloatArray) -> dict[str, FloatArray]:
+        """Return the changes of the outputs (samples, channels) by errors of readings, by path."""
+        changes, clean = {}, outputs - self._reading_offsets(case)
+        for k, label in enumerate(self.labels):
+            axis = np.eye(len(self.labels))[k]
+            changes[f"offsets.{label.text}"] = self._constant * axis
+            gain = case.errors.get(f"gains.{label.text}", 1.0) or 1e-300
+            changes[f"gains.{label.text}"] = clean / gain * axis
+            late = -np.gradient(clean[:, k : k + 1], axis=0) * self.record.rate
+            changes[f"delays.{label.text}"] = late * axis
+        return changes
+
+    def changes(self, channels: Mapping[str, FloatArray], case: Case) -> FloatArray:
         """Return the outputs (samples, channels, n) for channels (samples, ..., n)."""
         # The way from a channel to an output is linear: n derivatives of the channels give those of
         # the outputs.
@@ -219,7 +253,8 @@ class RecordRun:
         for label, place, path in zip(self.labels, self._places, self._paths, strict=True):
             values = channels[label.channel]
             values = values.reshape(len(self.times), -1, values.shape[-1])[:, place]
-            columns.append(path.simulated(values))
+            gain, late = (case.errors.get(f"{kind}.{label.text}") for kind in ("gains", "delays"))
+            columns.append(path.simulated(values, late or 0.0) * (1.0 if gain is None else gain))
         return np.stack(columns, axis=1)
 
     def gauge_number(self, link: int, gauge: int) -> int:
@@ -242,7 +277,7 @@ class RecordRun:
         return assembled(arm, bent, case.qd, held=self._held)[:2]
 
     def _torque(self, case: Case, drive: PiecewiseCubic | None = None) -> PiecewiseCubic:
-        drive = drive or self._drive
+        drive = drive or self._true_input(case)
         if self.record.input == "voltage":
             constant = Arm(case.spec).motor_torque(np.ones(self._arm.n_joints))
         elif self.record.input == "current":

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.closed import assembled, independent_motions
-from flexarm.base.errors import InputError, Problem, problems_of, shown
+from flexarm.base.errors import InputError, Problem, nearest, problems_of, shown
 from flexarm.control.design.arm_scales import size_of_zero, typical_rate
 from flexarm.identification.record import Label, MeasuredRecord, columns_of, place_of
 from flexarm.integrate.base import FloatArray
@@ -26,8 +27,12 @@ _MODES = 2
 #: (rad), and joint rate relative to the rate of the arm: the scale of the steps, and for modes the
 #: deviation of the prior.
 _BENT, _ANGLE, _RATE = 0.1, 0.1, 0.05
+#: Large offset as a fraction of its signal, and large error of a gain.
+_ERROR = 0.1
 _MOTORS = "motors."
 _INITIAL = re.compile(r"initial\.(qd?)\[(\d+)\]$")
+#: Errors of a record: what it contains is ``gain * truth(t - delay) + offset``.
+_OF_RECORDS = re.compile(r"(offsets|gains|delays)\.(\w+)$")
 
 
 class Case(NamedTuple):
@@ -37,6 +42,7 @@ class Case(NamedTuple):
     motors: Motors | None  # of records with a current as input, or None
     q: FloatArray  # (dof,) added to the initial state
     qd: FloatArray  # (dof,) added to the initial state
+    errors: Mapping[str, float] = MappingProxyType({})  # of the record, by path: offsets.strain_1
 
 
 @dataclass(frozen=True)
@@ -68,9 +74,10 @@ class Space:
         motors: Motors | None,
         free: Sequence[FreeParameter],
         records: dict[str, MeasuredRecord],
+        errors: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        self._arm, self._motors = arm, motors
-        self._names = list(records)
+        self._arm, self._motors, self._errors = arm, motors, dict(errors)
+        self._names, self._records = list(records), records
         interval = 1.0 / max(record.rate for record in records.values())
         self._rate = typical_rate(arm, interval)
         problems: list[Problem] = []
@@ -102,7 +109,13 @@ class Space:
         return self._motors, path.removeprefix(_MOTORS)
 
     def _number(self, name: str, path: str) -> float:
-        return number_at(name, *self._owner(name, path))
+        if not of_records(path):
+            return number_at(name, *self._owner(name, path))
+        paths = {p for record in self._records.values() for p in error_paths(record)}
+        if path not in paths:
+            rule = "be an error of a channel in the records"
+            raise InputError(Problem(name, rule, shown(path), nearest(path, sorted(paths))))
+        return self._errors.get(path, without_error(path))
 
     def _start_problems(self, name: str, parameter: FreeParameter) -> list[Problem]:
         start = self._number(name, parameter.path)
@@ -117,6 +130,8 @@ class Space:
         path = parameter.path
         start = self._number("free", path)
         lower = parameter.lower
+        if lower is None and of_records(path):
+            lower = -np.inf if path.startswith("offsets.") else 0.0
         if lower is None:
             below = -1e-6 * (abs(start) or 1.0)
             refused = problems_of(with_number, *self._owner("free", path), below)
@@ -125,7 +140,10 @@ class Space:
         deviation = parameter.prior_deviation
         prior = start if parameter.prior is None else parameter.prior
         size = abs(start) or deviation or (upper - lower if np.isfinite(upper - lower) else 0.0)
-        scale = size or size_of_zero(self._arm, *self._owner("free", path), self._rate)
+        if of_records(path):
+            scale = max(error_scale(path, record) for record in self._records.values())
+        else:
+            scale = size or size_of_zero(self._arm, *self._owner("free", path), self._rate)
         last = prior, np.inf if deviation is None else deviation
         if not parameter.per_record:
             return [Slot(path, None, path, start, lower, upper, scale, *last)]
@@ -157,7 +175,7 @@ class Space:
 
     def case(self, record: int | None, vector: FloatArray) -> Case:
         """Return the meaning of a vector for a record; None: without values of single records."""
-        spec, motors = self._arm.spec, self._motors
+        spec, motors, errors = self._arm.spec, self._motors, dict(self._errors)
         state = {"q": np.zeros(self._arm.dof), "qd": np.zeros(self._arm.dof)}
         for slot, value in zip(self.slots, vector.tolist(), strict=True):
             if slot.record is not None and slot.record != record:
@@ -165,12 +183,40 @@ class Space:
             match = _INITIAL.match(slot.path)
             if match:
                 state[match[1]][int(match[2])] = value
+            elif of_records(slot.path):
+                errors[slot.path] = value
             elif slot.path.startswith(_MOTORS):
                 assert motors is not None
                 motors = with_number(motors, slot.path.removeprefix(_MOTORS), value)
             else:
                 spec = with_number(spec, slot.path, value)
-        return Case(spec, motors, state["q"], state["qd"])
+        return Case(spec, motors, state["q"], state["qd"], errors)
+
+
+def of_records(path: str) -> bool:
+    """Return whether a path is an error of a record, such as ``delays.strain_1``."""
+    return _OF_RECORDS.match(path) is not None
+
+
+def error_paths(record: MeasuredRecord) -> list[str]:
+    """Return the paths of the errors that a record may have."""
+    outputs, inputs = ([label.text for label in x] for x in (record.outputs, record.inputs))
+    both = [f"{kind}.{text}" for text in [*outputs, *inputs] for kind in ("offsets", "gains")]
+    return both + [f"delays.{text}" for text in [*outputs, *([record.input] if inputs else [])]]
+
+
+def without_error(path: str) -> float:
+    return 1.0 if path.startswith("gains.") else 0.0
+
+
+def error_scale(path: str, record: MeasuredRecord) -> float:
+    """Return the magnitude of a large error: a sample of delay, a tenth of the signal."""
+    kind, _, text = path.partition(".")
+    if kind == "delays":
+        return 1.0 / record.rate
+    columns = {label.text: c for label, c in (record.outputs | record.inputs).items()}
+    size = float(np.nanstd(columns[text])) if text in columns else 0.0
+    return _ERROR if kind == "gains" else _ERROR * size or 1e-300
 
 
 def initial_argument(path: str) -> str:
@@ -253,6 +299,9 @@ def _modes(arm: Arm) -> list[tuple[int, float, float]]:
 
 def in_words(path: str) -> str:
     """Return a path as words: ``links[0].flexural_rigidity`` is "flexural rigidity of link 1"."""
+    if of_records(path):
+        kind, _, text = path.partition(".")
+        return f"{kind.removesuffix('s')} of {text if '_' in text else f'the {text}'}"
     words: list[str] = []
     parts = parts_of(path)
     for part, inside in zip(parts, [*parts[1:], None], strict=True):
@@ -278,10 +327,15 @@ def in_words(path: str) -> str:
     return " of ".join(reversed(words))
 
 
-def check_free(value: object) -> list[FreeParameter]:
+def check_free(value: object, least: int = 1) -> list[FreeParameter]:
     """Return free parameters, from a list of paths and ``FreeParameter`` objects."""
+    listed = isinstance(value, list | tuple)
     items = list(value) if isinstance(value, list | tuple) else []
-    if not items or not all(isinstance(item, str | FreeParameter) for item in items):
+    if (
+        not listed
+        or len(items) < least
+        or not all(isinstance(item, str | FreeParameter) for item in items)
+    ):
         rule = "be a list of paths and FreeParameter objects"
         raise InputError(Problem("free", rule, shown(value)))
     return [FreeParameter(item) if isinstance(item, str) else item for item in items]

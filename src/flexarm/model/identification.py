@@ -43,7 +43,9 @@ class FreeParameter(Record, kw_only=False):
     """
 
     path: Word
-    """Path of the number, such as links[0].flexural_rigidity or payload.mass."""
+    """Path of the number, such as links[0].flexural_rigidity or payload.mass; or of an error of the
+    records: offsets.strain_1, gains.torque_1, delays.strain_1, delays.torque. What they contain is
+    gain * truth(t - delay) + offset, besides the delays of their settings."""
     lower: Number | None = None
     """Lower bound; by default 0 if the number cannot be negative."""
     upper: Number | None = None
@@ -252,15 +254,14 @@ class IdentificationStudy(Record):
     """Records that are fitted, by name."""
     validation: Mapped[RecordFile] = Field(default={}, validate_default=True)
     """Records that are predicted with the estimates and not fitted, by name."""
-    free: Listed[Annotated[FreeParameter, BeforeValidator(_by_key("path"))]]
-    """Parameters to estimate: their paths, or mappings with a path."""
+    free: Listed[Annotated[FreeParameter, BeforeValidator(_by_key("path"))]] = ()
+    """Parameters to estimate: their paths, or mappings with a path. Without any, the records score
+    the arm as it is."""
     fit: FitSettings = FitSettings()
     """Settings of the fit."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        if given.has("free") and not given.free:
-            yield Fault(("free",), "has no entry")
         if given.has("records", "validation"):
             for name in given.validation:
                 if name in given.records:

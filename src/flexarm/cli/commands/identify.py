@@ -16,12 +16,23 @@ def identify(
     study: Annotated[Path, argument("STUDY.yaml", "Arm, records and free parameters.")],
     out: Annotated[Path | None, option("FILE", "Save the arm with its estimates: .yaml.")] = None,
     result: Annotated[Path | None, option("FILE", "Save the result for `report`: .nc.")] = None,
-    quiet: Annotated[bool, flag("--quiet", "Do not print the fit after each evaluation.")] = False,
+    guided: Annotated[
+        bool, flag("--guided", "Inspect the records, and fit in stages from the data sheet.")
+    ] = False,
+    quiet: Annotated[bool, flag("--quiet", "Do not print evaluations or stages.")] = False,
 ) -> None:
     """Estimate parameters of an arm from measured records."""
     from flexarm.cases.results import write_result
+    from flexarm.identification.commission import commissioned
     from flexarm.identification.identify import PreparedIdentification
-    from flexarm.identification.result import FIT_HEADS, HEADS, RELATED_HEADS, fit_rows, related
+    from flexarm.identification.result import (
+        FIT_HEADS,
+        HEADS,
+        RELATED_HEADS,
+        fit_rows,
+        related,
+        stage_rows,
+    )
 
     prepared = PreparedIdentification(study, study.parent)
     check_places(("--out", out, (".yaml", ".yml")), ("--result", result, (".nc",)))
@@ -29,7 +40,13 @@ def identify(
         warnings.simplefilter("ignore", IdentifiabilityWarning)
         warnings.simplefilter("ignore", ConvergenceWarning)
         warnings.filterwarnings("ignore", "The residuals show", AccuracyWarning)
-        identification = prepared.run(False if quiet else None)
+        progress = False if quiet else None
+        identification = commissioned(prepared, progress) if guided else prepared.run(progress)
+    for sentence in identification.findings:
+        print_line(sentence)
+    if guided:
+        heads, *rows = stage_rows(identification.stages)
+        print_line(numbers("Stages: fit on parts that no stage fits", heads, rows))
     print_line(numbers("Estimates", HEADS, identification.rows()))
     pairs = related(identification.parameters)
     if pairs:

@@ -16,6 +16,7 @@ from flexarm.identification.result import (
     Identification,
     fit_rows,
     related,
+    stage_rows,
 )
 from flexarm.identification.statistics import LAGS, correlation_of, cross_correlation
 from flexarm.model.file_format.files import file_text
@@ -72,7 +73,7 @@ def identification_page(engine: Any, result: Identification, title: str, notes: 
 
 
 def _warnings(result: Identification) -> list[str]:
-    texts = list(result.remarks)
+    texts = [*result.findings, *result.remarks]
     bound = result.parameters["parameter"].values[result.parameters["at_bound"].values].tolist()
     if bound:
         texts.append(f"The estimates of {', '.join(bound)} are at their bounds.")
@@ -92,7 +93,11 @@ def _warnings(result: Identification) -> list[str]:
 
 
 def _estimates(result: Identification) -> list[Table]:
-    tables = [_values("Parameters", result.rows(), result.parameters)]
+    tables = []
+    if result.stages:
+        heads, *stages = stage_rows(result.stages)
+        tables.append(Table("Stages: fit on parts that no stage fits", heads, tuple(stages)))
+    tables.append(_values("Parameters", result.rows(), result.parameters))
     if result.initial.sizes["parameter"]:
         columns = ("parameter", "estimate", "standard_deviation")
         initial = zip(*(result.initial[k].values for k in columns), strict=True)

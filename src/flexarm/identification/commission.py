@@ -1,0 +1,561 @@
+"""Guided identification, from inspected records to unseen ones: ``flexarm.commission``."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import FlexarmError, FlexarmWarning, SimulationError, public_call
+from flexarm.identification import fitting
+from flexarm.identification.assessment import fits_by_channel, information_of
+from flexarm.identification.data_sheet import (
+    Parameters,
+    driven_joints,
+    of_drives,
+    of_links,
+    of_masses,
+)
+from flexarm.identification.frequency.records import measured_modes
+from flexarm.identification.identify import (
+    PreparedIdentification,
+    identified,
+    prepared_fit,
+)
+from flexarm.identification.inspection import inspected
+from flexarm.identification.missing import Effect, effect_name, missing_effects
+from flexarm.identification.record import (
+    FEWEST,
+    MEASURED,
+    MeasuredRecord,
+    Records,
+    check_inputs,
+    check_records,
+    check_some_records,
+    label_of,
+    with_columns,
+)
+from flexarm.identification.result import Identification, stage_rows
+from flexarm.identification.runs import RecordRun
+from flexarm.identification.space import (
+    Case,
+    Space,
+    check_free,
+    in_words,
+    of_records,
+    start_angles,
+    without_error,
+)
+from flexarm.identification.statistics import fit_percent
+from flexarm.integrate import Integrator
+from flexarm.integrate.base import FloatArray
+from flexarm.linear import modes
+from flexarm.model import ArmSpec, Contact, Friction, Motors
+from flexarm.model.identification import INPUTS, FreeParameter, RecordSettings
+from flexarm.model.paths import with_number
+from flexarm.model.quantities import Flag
+from flexarm.simulation.run.settings import DEFAULTS, MethodSettings, replaced
+
+#: Part of each record that is fitted; the rest of it judges the stages.
+_FITTED = 0.7
+#: Relative tolerance of the runs of stages, and most evaluations of one.
+_ROUGH, _EVALUATIONS = 1e-4, 12
+#: Least decrease of the RMS, as a fraction, that keeps a stage, and fit (%) that leaves nothing.
+_GAIN, _PERFECT = 0.01, 99.9
+#: Most rounds in which effects that residuals show join the model.
+_ROUNDS = 3
+#: Least change of the outputs by a large change of a parameter, in first guesses of the noise.
+_NO_EFFECT = 1e-6
+#: Distance of a start from bounds, as a fraction of their distance or the size of a parameter.
+_INSIDE = 0.03
+#: Factor on rigidities by modes. Band of measured modes relative to the frequency of the model,
+#: least fit (%) of them, largest deviation of the frequency, and least frequency that vibrates.
+_RIGIDITY, _BAND, _CLEAR, _SHARP, _STILL = (0.3, 1.2), (0.5, 1.15), 60.0, 0.05, 1e-4
+#: Rate below which friction is smooth, as a fraction of the largest joint rate.
+_SMOOTH = 0.02
+#: Signal above noise: bins of a smoothed spectrum, power, and width beyond the last such frequency.
+_BINS, _ABOVE, _WIDER = 5, 10.0, 1.2
+#: Error of a gauge's distance that is named, and its least size in standard deviations.
+_NAMED, _SURE = 0.05, 3.0
+
+
+@public_call
+def commission(
+    arm: Arm,
+    records: Records,
+    *,
+    validation: Records = (),
+    free: Sequence[str | FreeParameter] = (),
+    motors: Motors | None = None,
+    contacts: Sequence[Contact] = (),
+    integrator: str | Integrator = "auto",
+    step: float | None = None,
+    rtol: float = 1e-5,
+    atol: float | None = None,
+    progress: Flag | None = None,
+) -> Identification:
+    """Identify an arm from measured records in the order in which experts work.
+
+    1. Samples that dead, stuck or saturated sensors did not measure are left out, angles unwrapped.
+    2. The arm of the data sheet predicts the last 30 % of each record, which no stage fits.
+    3. Stages: rigidity from the lowest measured mode; links and gauges, with joints that follow
+       their measured angles; drives; all together. After each of them, effects that its residuals
+       show join the model: smoothed Coulomb friction, offsets, gains and delays of the records. A
+       stage that does not predict the last parts better is taken back.
+    4. The last fit has standard deviations and unseen records, as `identify`.
+
+    Args:
+        arm: with the values of the data sheet. Bounds are relative to them: rigidities 0.3 to 1.2,
+            distances of gauges 0.7 to 1.3, masses 0.9 to 1.1, inertias and stiffnesses of drives
+            0.3 to 3; masses, gauges and inertias have priors. A number that is zero stays zero,
+            except damping of joints.
+        records: as for `identify`.
+        validation: unseen records. The last fit then uses the whole records; without them, it is
+            validated by the last parts.
+        free: further parameters, and other bounds and priors, for the stage of all parameters.
+        motors, contacts: as in `identify`.
+        integrator, step, rtol, atol: of the runs of the last fit, as in ``simulate``.
+        progress: True prints each stage; None does so on a terminal.
+
+    Returns:
+        The result of the last fit, with ``findings`` on records and arm, and ``stages``. The
+        starts of its parameters are the values of the data sheet.
+
+    Raises:
+        InputError: as `identify`.
+        SimulationError: if the arm of the data sheet cannot be simulated.
+
+    Warns:
+        IdentifiabilityWarning, ConvergenceWarning, AccuracyWarning: as `identify`, for the last
+            fit.
+    """
+    fitted, unseen = check_some_records(records), check_records("validation", validation)
+    check_inputs(fitted | unseen)
+    checked = {name: inspected(name, record) for name, record in (fitted | unseen).items()}
+    findings = [sentence for _, sentences in checked.values() for sentence in sentences]
+    fitted, unseen = ({name: checked[name][0] for name in each} for each in (fitted, unseen))
+    options = {"integrator": integrator, "step": step, "rtol": rtol, "atol": atol}
+    run = replaced(DEFAULTS, **options)
+    common = motors, "linear", "output_error", None, contacts, run, None
+    parameters = check_free(free, least=0)
+    prepared_fit(arm, fitted, parameters, unseen, *common)  # raises errors before the stages
+    shown = progress or (progress is None and sys.stderr.isatty())
+    rough = {**options, "rtol": max(rtol, _ROUGH), "contacts": contacts}
+    work = _Commissioning(arm, fitted, motors, {k: v for k, v in rough.items() if v}, shown)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FlexarmWarning)
+        work.go_through(parameters)
+        case, every = work.case, list(work.free.values())
+        fitted, held = fitted if unseen else work.parts, unseen or work.last_parts()
+        start = case.motors, *common[1:], case.errors, Arm(case.spec)
+        prepared = prepared_fit(arm, fitted, every, held, *start)
+    result = identified(prepared, 1, np.random.default_rng(0), "linear", 200)
+    paths = result.parameters["parameter"].values.tolist()
+    starts = np.array([work.sheet.get(path, without_error(path)) for path in paths], dtype=float)
+    table = result.parameters.assign(start=("parameter", starts))
+    findings += _named(table)
+    return replace(result, parameters=table, stages=work.stages(), findings=tuple(findings))
+
+
+class _Fitted(NamedTuple):
+    """Result of a fit of one stage."""
+
+    problem: fitting.FitProblem
+    fit: fitting.Fit
+    case: Case  # the arm, motors and errors of records
+    free: Parameters
+
+
+#: RMS and fit (%) of each channel of each record.
+_Score = dict[tuple[str, str], tuple[float, float]]
+
+
+class _Commissioning:
+    """State of the stages: the arm, motors and errors of records that predict best."""
+
+    def __init__(
+        self,
+        arm: Arm,
+        records: Mapping[str, MeasuredRecord],
+        motors: Motors | None,
+        options: Mapping[str, Any],
+        shown: bool,
+    ) -> None:
+        self._arm, self._records, self._options, self._shown = arm, records, options, shown
+        self.case = Case(arm.spec, motors, np.zeros(arm.dof), np.zeros(arm.dof))
+        self.parts = {name: _first_part(record) for name, record in records.items()}
+        self.free: Parameters = {}
+        self.sheet: dict[str, float] = {}
+        self._initial: dict[str, float] = {}  # estimates of initial states, by name
+        self._rows: list[tuple[str, _Score, _Score, bool, float]] = []
+
+    def go_through(self, more: Sequence[FreeParameter]) -> None:
+        """Go through all stages; ``more`` are free parameters besides those of the data sheet."""
+        spec, motors = self.case.spec, self.case.motors
+        outputs = {label for record in self._records.values() for label in record.outputs}
+        fixed = set.intersection(*(set(r.settings.prescribed) for r in self._records.values()))
+        links, drives = of_links(spec, outputs), of_drives(spec, motors, fixed)
+        every = {**links, **drives, **of_masses(spec), **{p.path: p for p in more}}
+        links = {path: every[path] for path in links}
+        drives = {path: every[path] for path in {**drives, **of_masses(spec)}}
+        space = Space(self._arm, motors, list(every.values()), dict(self.parts))
+        self.sheet = {slot.path: slot.start for slot in space.slots}
+        started = time.process_time()
+        score = self._score(self.case)
+        if not score:
+            raise SimulationError(0.0, "the arm of the data sheet cannot be simulated")
+        self._add("data sheet", score, score, True, started)
+        self._smooth_friction()
+        self._use_modes([path for path in links if path.endswith(("rigidity", "modulus"))])
+        following = all(_can_follow(self._arm, record) for record in self._records.values())
+        self._stage("links", links, following)
+        self._stage("drives", drives)
+        self._stage("together", {**self.free, **every})
+
+    def last_parts(self) -> dict[str, MeasuredRecord]:
+        """Return the records that judge the stages, by their names in results."""
+        return {f"{n}, last part": self._held(r, False) for n, r in self._records.items()}
+
+    def _held(self, record: MeasuredRecord, following: bool) -> MeasuredRecord:
+        """Return a record whose first part is not compared; its joints may be prescribed."""
+        known = np.arange(record.times.size) >= _length(record)
+        settings = record.settings
+        if record.controller is None and settings.initial_angle is None:
+            settings = settings.replace(initial_angle=start_angles(self._arm, record).tolist())
+        if following:
+            settings = _following(self._arm, record, settings)
+        record = with_columns(record, {}, settings)
+        columns = {label: np.where(known, c, np.nan) for label, c in record.outputs.items()}
+        return with_columns(record, columns, settings)
+
+    def _runs(self, records: Mapping[str, MeasuredRecord]) -> list[RecordRun]:
+        return [RecordRun(name, r, self._arm, self._options) for name, r in records.items()]
+
+    def _score(self, case: Case, following: bool = False) -> _Score:
+        """Return RMS and fit on the parts that are not fitted; empty if a run fails."""
+        records = {name: self._held(r, following) for name, r in self._records.items()}
+        space = Space(Arm(case.spec), case.motors, [], records, case.errors)
+        problem = fitting.FitProblem(space, self._runs(records), None)
+        names = [slot.name for slot in space.slots]
+        start = [self._initial.get(name, 0.0) for name in names]
+        outputs, score = problem.outputs(np.array(start)), _Score()
+        for run, simulated in zip(problem.runs, outputs or (), strict=False):
+            for k, label in enumerate(run.labels):
+                good = run.valid[:, k]
+                measured, own = run.measured[good, k], simulated[good, k]
+                rms = float(np.sqrt(np.mean((measured - own) ** 2)))
+                score[run.name, label.text] = rms, fit_percent(measured, own)
+        return score
+
+    def _fitted(self, case: Case, free: Parameters, following: bool) -> _Fitted:
+        """Fit parameters, those without effect left out, from a case; FlexarmError if it fails."""
+        records = dict(self.parts)
+        if following:
+            for name, record in records.items():
+                settings = _following(self._arm, record, record.settings)
+                records[name] = with_columns(record, {}, settings)
+        space = Space(Arm(case.spec), case.motors, list(free.values()), records, case.errors)
+        problem = fitting.FitProblem(space, self._runs(records), None)
+        try:
+            effect = np.zeros(len(space.slots))
+            for k, slopes in enumerate(problem.derivatives(space.start)):
+                squares = np.sum(problem.whitened(k, slopes) ** 2, axis=(0, 1))
+                effect[space.acting_on(k)] += squares
+            small = np.sqrt(effect) * space.scale < _NO_EFFECT
+            idle = {slot.path for slot, tiny in zip(space.slots, small, strict=True) if tiny}
+            if idle & free.keys():
+                rest = {path: p for path, p in free.items() if path not in idle}
+                return self._fitted(case, rest, following)
+            # The search creeps along bounds at which it starts.
+            low, high = space.bounds
+            margin = _INSIDE * np.minimum(high - low, space.scale)
+            start = np.clip(space.start, low + margin, high - margin)
+            fit = fitting.fit_from(problem, start, "linear", _EVALUATIONS, fitting.COARSE)
+        except fitting.FitFailure as error:
+            raise SimulationError(0.0, str(error)) from None
+        return _Fitted(problem, fit, space.case(None, fit.vector), free)
+
+    def _stage(self, name: str, free: Parameters, following: bool = False) -> None:
+        """Fit parameters, then again with effects that the residuals show."""
+        fitted, _ = self._tried(name, self.case, free, following)
+        for _ in range(_ROUNDS):
+            effects = self._effects(fitted) if fitted else []
+            kept = False
+            while effects and not kept:
+                assert fitted is not None
+                words = ", ".join(effect_name(effect.path, short=True) for effect in effects)
+                case, more = self._joined(fitted.case, effects)
+                trial = self._tried(f"+ {words}", case, {**fitted.free, **more}, following)
+                kept = trial[1]
+                effects = effects[:1] if len(effects) > 1 else []
+            if not kept:
+                return
+            fitted = trial[0]
+
+    def _tried(
+        self, name: str, case: Case, free: Parameters, following: bool = False
+    ) -> tuple[_Fitted | None, bool]:
+        """Fit parameters from a case, and keep the result if it predicts better."""
+        started, before = time.process_time(), self._score(self.case, following)
+        try:
+            fitted = self._fitted(case, free, following)
+        except FlexarmError:
+            return None, False
+        initial, self._initial = self._initial, _initial_of(fitted)
+        kept = self._judged(name, fitted.case, before, started, following)
+        if kept:
+            self.free |= fitted.free
+        else:
+            self._initial = initial
+        return fitted, kept
+
+    def _judged(
+        self, name: str, case: Case, before: _Score, started: float, following: bool = False
+    ) -> bool:
+        """Keep a case if the RMS on the parts that are not fitted decrease by their mean."""
+        after = self._score(case, following)
+        ratios = [np.log(max(after[key][0], 1e-300) / max(before[key][0], 1e-300)) for key in after]
+        kept = bool(ratios) and float(np.mean(ratios)) < np.log(1.0 - _GAIN)
+        if kept:
+            self.case = case
+        self._add(name, before, after, kept, started)
+        return kept
+
+    def _add(self, name: str, before: _Score, after: _Score, kept: bool, started: float) -> None:
+        self._rows.append((name, before, after, kept, time.process_time() - started))
+        if self._shown:
+            print("  ".join(stage_rows(self.stages())[-1]), file=sys.stderr, flush=True)
+
+    def stages(self) -> xr.Dataset:
+        """Return the table of the stages."""
+        channels = list(dict.fromkeys(c for row in self._rows for _, c in row[1]))
+        fits = np.full((2, len(self._rows), len(channels)), np.nan)
+        for k, row in enumerate(self._rows):
+            for which, score in enumerate(row[1:3]):
+                for (_, channel), (_, fit) in score.items():
+                    place = which, k, channels.index(channel)
+                    fits[place] = np.fmin(fits[place], fit)
+        unit = {"units": "%", "long_name": "fit on parts that no stage fits"}
+        dims = ("stage", "channel")
+        return xr.Dataset(
+            {
+                "before": (dims, fits[0], unit),
+                "after": (dims, fits[1], unit),
+                "kept": ("stage", [row[3] for row in self._rows]),
+                "seconds": ("stage", [row[4] for row in self._rows], {"units": "s"}),
+            },
+            {"stage": [row[0] for row in self._rows], "channel": channels},
+        )
+
+    def _effects(self, fitted: _Fitted) -> list[Effect]:
+        """Return the effects that residuals show and that parameters can describe."""
+        problem, fit = fitted.problem, fitted.fit
+        if min(fits_by_channel(problem.runs, fit.outputs).values()) > _PERFECT:
+            return []
+        try:
+            columns, priors, _ = information_of(problem, fit)
+        except fitting.FitFailure:
+            return []
+        # The distance of a gauge is an error of its gain, and free in another stage.
+        gauges = any(path.endswith(".distance") for path in self.sheet)
+        return [
+            effect
+            for effect in missing_effects(problem, fit, columns, priors)
+            if not (gauges and effect.path.startswith("gains.strain"))
+            and (of_records(effect.path) or _can_join(fitted.case.spec, effect.path))
+        ]
+
+    def _joined(self, case: Case, effects: Sequence[Effect]) -> tuple[Case, Parameters]:
+        """Return a case with effects at their sizes, and their parameters."""
+        spec, errors = case.spec, dict(case.errors)
+        for effect in effects:
+            match = _FRICTION.match(effect.path)
+            if of_records(effect.path):
+                errors[effect.path] = without_error(effect.path) + effect.size
+                if effect.path.startswith("delays."):
+                    errors[effect.path] = max(errors[effect.path], 0.0)
+            else:
+                assert match is not None
+                index = int(match[1])
+                rate = self._smoothing(case)[driven_joints(spec).index(index)]
+                old = spec.joints[index].friction or Friction(coulomb=0.0, smoothing_rate=rate)
+                spec = _with_joint(spec, index, friction=old.replace(coulomb=effect.size))
+        parameters = {effect.path: FreeParameter(effect.path) for effect in effects}
+        return case._replace(spec=spec, errors=errors), parameters
+
+    def _smoothing(self, case: Case) -> FloatArray:
+        """Return the rates (joints,) below which friction is smooth, rad/s."""
+        largest = np.zeros(self._arm.n_joints)
+        for run in self._runs(self.parts):
+            rates = run.rates(case)
+            if not isinstance(rates, str):
+                largest = np.maximum(largest, np.abs(rates).max(axis=0))
+        return _SMOOTH * largest
+
+    def _smooth_friction(self) -> None:
+        """Replace sticking of joints by smooth friction, which has derivatives."""
+        spec = self.case.spec
+        holding = [
+            k for k in driven_joints(spec) if (f := spec.joints[k].friction) is not None and f.holds
+        ]
+        for k in holding:
+            friction = spec.joints[k].friction
+            assert friction is not None
+            rate = self._smoothing(self.case)[driven_joints(spec).index(k)]
+            if rate > 0.0:  # a joint that does not move has no friction in motion
+                spec = _with_joint(spec, k, friction=friction.replace(smoothing_rate=rate))
+        self.case = self.case._replace(spec=spec)
+
+    def _use_modes(self, rigidities: Sequence[str]) -> None:
+        """Scale the rigidities by the lowest mode of the records, if these show it clearly."""
+        started, spec = time.process_time(), self.case.spec
+        try:
+            first = next(iter(self._records.values()))
+            posture = start_angles(self._arm, first)
+            model = modes(self._arm, posture, "free").frequency_hz
+            hertz = float(model[model > _STILL * model.max()][0])
+            band = [factor * hertz for factor in _BAND]
+            measured = measured_modes(dict(self.parts), 1, band=band)
+        except (FlexarmError, IndexError):
+            return
+        sharp = measured.frequency_deviation[0] < _SHARP * measured.frequency_hz[0]
+        if not (sharp and measured.fit.min() > _CLEAR):
+            return
+        factor = float(np.clip((measured.frequency_hz[0] / hertz) ** 2, *_RIGIDITY))
+        for path in rigidities:
+            spec = with_number(spec, path, factor * self.sheet[path])
+        case = self.case._replace(spec=spec)
+        self._judged(
+            f"mode at {measured.frequency_hz[0]:.3g} Hz", case, self._score(self.case), started
+        )
+
+
+_RIVAL = ", or masses that differ from the data sheet by more than 10 %"
+_FRICTION = re.compile(r"joints\[(\d+)\]\.friction\.coulomb$")
+
+
+def _can_join(spec: ArmSpec, path: str) -> bool:
+    """Return whether an effect is friction that a joint lacks."""
+    match = _FRICTION.match(path)
+    friction = spec.joints[int(match[1])].friction if match else None
+    return match is not None and (friction is None or friction.coulomb == 0.0)
+
+
+def _with_joint(spec: ArmSpec, index: int, **changes: Any) -> ArmSpec:
+    joints = list(spec.joints)
+    joints[index] = joints[index].replace(**changes)
+    return spec.replace(joints=joints)
+
+
+def _length(record: MeasuredRecord) -> int:
+    """Return the number of samples that are fitted."""
+    return max(FEWEST, int(_FITTED * record.times.size))
+
+
+def _first_part(record: MeasuredRecord) -> MeasuredRecord:
+    data = record.data.isel(time=slice(0, _length(record)))
+    others = {key: getattr(record, key) for key in ("controller", "reference", "hardware")}
+    return MeasuredRecord(data, record.settings, **others)
+
+
+def _initial_of(fitted: _Fitted) -> dict[str, float]:
+    slots = zip(fitted.problem.space.slots, fitted.fit.vector.tolist(), strict=True)
+    return {slot.name: value for slot, value in slots if slot.initial}
+
+
+def _can_follow(arm: Arm, record: MeasuredRecord) -> bool:
+    """Return whether joints can follow their measured angles while other channels are compared."""
+    angles = {label for label in record.outputs if label.channel == "joint_angle"}
+    return (
+        len(angles) == arm.n_joints
+        and not (arm.closure_rows or record.controller or record.settings.prescribed)
+        and any("joint" not in label.channel for label in record.outputs)
+        and all(np.isfinite(record.outputs[label]).all() for label in angles)
+    )
+
+
+def _following(arm: Arm, record: MeasuredRecord, settings: RecordSettings) -> RecordSettings:
+    """Return settings with joints that follow their angles, without the noise of these."""
+    cutoffs = [
+        _cutoff(column, record.rate)
+        for label, column in record.outputs.items()
+        if label.channel == "joint_angle"
+    ]
+    known = None if None in cutoffs else max(c for c in cutoffs if c is not None)
+    joints = [int(number) for number in arm.joint_numbers]
+    outputs = settings.outputs and [n for n in settings.outputs if n != "joint_angle"]
+    return settings.replace(prescribed=joints, prescribed_cutoff=known, outputs=outputs)
+
+
+def _cutoff(values: FloatArray, rate: float) -> float | None:
+    """Return the frequency (Hz) above which values are noise; None if there is none."""
+    from scipy.signal import periodogram
+
+    hertz, power = periodogram(values, rate, window="hann", detrend="linear")
+    floor = float(np.median(power[-power.size // 5 :]))
+    smooth = np.convolve(power, np.ones(_BINS) / _BINS, mode="same")
+    above = np.flatnonzero(smooth > _ABOVE * floor)
+    cutoff = _WIDER * float(hertz[above[-1]]) if above.size else 0.0
+    return cutoff if 0.0 < cutoff < 0.4 * rate else None
+
+
+def _named(table: xr.Dataset) -> list[str]:
+    """Return sentences on physics and instruments from the estimates of the last fit."""
+    sentences = []
+    for path in table["parameter"].values.tolist():
+        row = table.sel(parameter=path)
+        value, start = float(row["estimate"]), float(row["start"])
+        sure = _SURE * float(row["standard_deviation"])
+        if abs(value - start) < sure:
+            continue
+        kind, _, text = path.partition(".")
+        label = label_of(text)
+        unit = MEASURED[label.channel].unit.replace("1", "") if label else ""
+        match = _FRICTION.match(path)
+        if match and start == 0.0:
+            joint = int(match[1]) + 1
+            sentences.append(
+                f"Joint {joint} stops early: Coulomb friction of about {value:.2g} N m."
+            )
+        elif kind == "offsets":
+            size = f"{value:+.2g} {unit}".strip()
+            sentences.append(f"{text} reads {size} at zero: an offset.")
+        elif kind == "gains":
+            error = 100.0 * (value - 1.0)
+            rival = _RIVAL if label and label.channel in INPUTS else ""
+            sentences.append(f"{text} reads {error:+.2g} % too much: an error of its gain{rival}.")
+        elif kind == "delays":
+            named = text if label else f"The {text}"
+            sentences.append(f"{named} is late by about {value:.2g} s: a delay.")
+        elif path.endswith(".distance"):
+            change = value / start - 1.0
+            if abs(change) > _NAMED:
+                sentences.append(
+                    f"The {in_words(path)} differs from the data sheet by {100 * change:+.0f} %; "
+                    "an error of the gain of its amplifier acts in the same way."
+                )
+    return sentences
+
+
+def commissioned(study: PreparedIdentification, progress: bool | None) -> Identification:
+    """Commission the arm of a file, of whose ``fit`` only the settings of runs count."""
+    given = {name: getattr(study.study.fit, name) for name in study.study.fit.model_fields_set}
+    settings = {name: given[name] for name in MethodSettings.__annotations__ if name in given}
+    with study.errors():
+        return commission(
+            study.arm,
+            study.records,
+            validation=study.validation,
+            free=list(study.study.free),
+            motors=study.study.motors,
+            progress=progress,
+            **settings,
+        )

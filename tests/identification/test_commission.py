@@ -1,0 +1,175 @@
+"""Guided identification: inspected records, stages, faults that are named, and files."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import flexarm as fa
+from data.bench_records import ONE
+from flexarm.identification.data_sheet import of_drives, of_links, of_masses
+from flexarm.identification.inspection import inspected
+from flexarm.identification.record import Label
+from flexarm.model.paths import with_number
+from identification.benches import arm_of, believed, record, rough_record, truth
+from identification.faults import FAULTS, faulty_record, names_fault
+
+pytestmark = pytest.mark.compiled
+
+RIGIDITY = "links[0].flexural_rigidity"
+
+
+def changed(measured: fa.MeasuredRecord, channel: str, values: np.ndarray) -> fa.MeasuredRecord:
+    data = measured.data.copy(deep=True)
+    data[channel][:, 0] = values
+    return fa.MeasuredRecord(data, measured.settings)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words", "lost"),
+    [
+        (lambda s: np.zeros_like(s), "strain_1 does not change: the sensor is dead", 201),
+        (lambda s: np.where(np.arange(201) < 80, 0.0, s), "strain_1 reads zero until 0.4 s", 80),
+        (lambda s: np.where(abs(np.arange(201) - 100) < 25, s[75], s), "from 0.375 to 0.625 s", 50),
+        (lambda s: np.clip(s, -2e-5, 2e-5), "strain_1 is saturated at 2e-05", None),
+        (lambda s: np.where(np.arange(201) == 90, 9e-4, s), "strain_1 has 1 spikes", 1),
+        (lambda s: np.where(np.arange(201) == 90, np.nan, s), "strain_1 lacks 1 samples", 1),
+        (lambda s: s, None, 0),
+    ],
+)
+def test_faults_of_sensors_are_found_without_a_model(fault, words, lost):
+    bench = record(ONE.name, 1, end=1.0)
+    strain = bench.data["strain"].values[:, 0]
+    checked, sentences = inspected("run", changed(bench, "strain", fault(strain)))
+    assert len(sentences) == (words is not None), sentences
+    assert words is None or words in sentences[0]
+    missing = int(np.isnan(checked.data["strain"].values).sum())
+    assert missing == lost if lost is not None else 5 <= missing < 100
+    angles = checked.data["joint_angle"].values
+    np.testing.assert_array_equal(angles, bench.data["joint_angle"].values)
+
+
+def test_wrapped_angles_are_unwrapped_and_sticking_joints_are_left():
+    bench = record(ONE.name, 1, end=1.0)
+    angle = np.linspace(0.0, 5.0, 201)
+    angle[50:100] = angle[50]
+    wrapped = (angle + np.pi) % (2.0 * np.pi) - np.pi
+    checked, sentences = inspected("run", changed(bench, "joint_angle", wrapped))
+    np.testing.assert_allclose(checked.data["joint_angle"].values[:, 0], angle, atol=1e-12)
+    assert sentences == ["run: joint_angle_1 jumps by a whole turn 1 times; it is unwrapped."]
+
+
+def test_bounds_are_relative_to_the_data_sheet():
+    spec = arm_of(ONE).spec
+    links = of_links(spec, [Label("strain", 1)])
+    assert (links[RIGIDITY].lower, links[RIGIDITY].upper) == pytest.approx((2.4, 9.6))
+    distance = links["links[0].gauges[0].distance"]
+    assert (distance.lower, distance.upper) == pytest.approx((0.7e-3, 1.3e-3))
+    assert "links[0].gauges[0].distance" not in of_links(spec, [])
+    assert of_masses(spec)["payload.mass"].prior_deviation == pytest.approx(0.05 * 0.15)
+    drives = of_drives(spec, None, [])
+    assert set(drives) == {"joints[0].hub_inertia", "joints[0].damping"}
+    assert of_drives(spec, None, [1]) == {}
+
+
+def test_errors_of_records_are_free_parameters():
+    """Planted: torque +0.01 N m, strain +2e-6, 5 % too large, one sample late."""
+    bench = record(ONE.name, 2, end=1.0)
+    data = bench.data.copy(deep=True)
+    data["torque"] = data["torque"] + 0.01
+    data["strain"] = 1.05 * data["strain"]
+    data["strain"][1:] = data["strain"].values[:-1]
+    data["strain"] = data["strain"] + 2e-6
+    names = ("offsets.torque_1", "offsets.strain_1", "gains.strain_1", "delays.strain_1")
+    measured = fa.MeasuredRecord(data, bench.settings)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = fa.identify(
+            arm_of(ONE),
+            measured,
+            [*names, "delays.torque"],
+            validation={"same": measured},
+            starts=1,
+            progress=False,
+        )
+    table = found.parameters
+    values = np.array([found[name] for name in names])
+    deviations = table["standard_deviation"].values[:4]
+    assert np.all(np.abs(values - [0.01, 2e-6, 1.05, 0.005]) < 4.0 * deviations)
+    assert np.all(deviations < [1e-4, 2e-7, 5e-3, 3e-4])
+    assert found["delays.torque"] < 5e-4
+    np.testing.assert_allclose(found.validation["fit"], found.fit["fit"], atol=0.01)
+
+
+def test_derivatives_by_errors_of_records_are_those_of_differences():
+    from flexarm.identification.fitting import FitProblem
+    from flexarm.identification.runs import RecordRun
+    from flexarm.identification.space import Space, check_free
+
+    measured = record(ONE.name, None, end=0.5)
+    names = ["gains.torque_1", "offsets.strain_1", "gains.strain_1", "links[0].gauges[0].distance"]
+    space = Space(arm_of(ONE), None, check_free(names), {"run": measured})
+    problem = FitProblem(space, [RecordRun("run", measured, arm_of(ONE), {})], None)
+    vector = space.start.copy()
+    vector[:4] += [0.1, 1e-5, 0.2, 1e-4]
+    (slopes,) = problem.derivatives(vector)
+    for k in range(len(names)):
+        step = 1e-3 * space.scale[k] * np.eye(vector.size)[k]
+        (after,), (before,) = (problem.outputs(vector + s * step) for s in (1.0, -1.0))
+        slope = (after - before) / (2.0 * step[k])
+        size = np.abs(slope).max(axis=0)
+        # Linear, or the differences have an error of 1e-6 of the step squared.
+        assert np.all(
+            np.abs(slopes[..., k] - slope).max(axis=0) <= 1e-5 * size + 1e-12 * size.max()
+        )
+
+
+def test_no_free_parameter_scores_the_arm():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = fa.identify(arm_of(ONE), record(ONE.name, 1, end=0.5), [], progress=False)
+    assert found.parameters.sizes["parameter"] == 0
+    assert found.fit["fit"].min() > 90.0
+    again = fa.Identification.from_dataset(found.to_dataset())
+    assert str(again) == str(found)
+    assert "joint_angle_1" in fa.report(again.to_dataset())
+
+
+@pytest.mark.thorough
+def test_commissioning_from_a_wrong_data_sheet():
+    """Values wrong by up to 20 %, friction, coloured noise; a record of other torques is unseen."""
+    unseen = record(f"{ONE.name}_other", 3, end=2.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = fa.commission(
+            believed(ONE, 1), rough_record(ONE, 1, end=2.0), validation=unseen, progress=False
+        )
+    assert any("Joint 1 stops early: Coulomb friction" in text for text in found.findings)
+    stages = found.stages
+    assert stages["stage"].values[0] == "data sheet"
+    assert bool(stages.kept.sel(stage="together"))
+    judged = stages.isel(stage=np.flatnonzero(stages.kept))
+    assert np.all(judged.after[-1] > judged.after[0])
+    for path in (RIGIDITY, "links[0].gauges[0].distance", "joints[0].hub_inertia"):
+        assert found[path] == pytest.approx(truth(ONE, path), rel=0.1)
+    assert found.parameters["start"].sel(parameter=RIGIDITY) == pytest.approx(
+        believed(ONE, 1).spec.links[0].flexural_rigidity
+    )
+    again = fa.Identification.from_dataset(found.to_dataset())
+    assert str(again) == str(found)
+    page = fa.report(found.to_dataset())
+    assert "stops early" in page
+    assert "data sheet" in page
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("fault", FAULTS)
+def test_planted_faults_are_named(fault):
+    arm = believed(ONE, 1)
+    if fault == "gain":  # a distance that is wrong by the same factor would hide it
+        distance = "links[0].gauges[0].distance"
+        arm = fa.Arm(with_number(arm.spec, distance, truth(ONE, distance)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = fa.commission(arm, faulty_record(fault, 1, 2.0), progress=False)
+    assert names_fault(found, fault), [*found.findings, *found.missing]
