@@ -73,6 +73,22 @@ def test_what_fits_is_kept():
     assert project.edited((*LINKS, 1, COPY), None).record.motion == project.record.motion
 
 
+def test_starting_gains_follow_the_arm_and_chosen_ones_remain():
+    """Gains of the studio for links of 2 m are unstable with links of half a metre."""
+    project = paper_project().edited(("motion", KIND), "joint")
+    project = project.edited(("drive", KIND), "joint_pid")
+    first = project.record.drive.derivative
+    for k, length in enumerate((0.8, 0.6)):
+        project = project.edited(("arm", "links", k, "length"), length)
+    drive = project.record.drive
+    assert drive.derivative[0] < 0.5 * first[0]
+    prepared = prepare(project.scenario)
+    assert prepared.unstable_loop(prepared.loop_poles()) == ""
+    chosen = project.edited(("drive", "derivative", 0), 1.25)
+    later = chosen.edited(("arm", "links", 0, "length"), 0.9)
+    assert later.record.drive == chosen.record.drive
+
+
 def test_a_load_on_a_removed_link_refuses_its_removal():
     project = paper_project().edited(("loads", NEW), None)
     with pytest.raises(InputError, match=r"loads\[0\]\.link"):

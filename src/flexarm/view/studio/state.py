@@ -299,10 +299,24 @@ class Project:
         if path[-1:] and path[-1] in WORDS:
             place, values = plain_edit(self.record, self.scenario, place, path, value)
         *others, last = values
+        edited = None
         for each in others:
             with suppress(InputError):
-                return self._with(place, each)
-        return self._with(place, last)
+                edited = edited or self._with(place, each)
+        edited = edited or self._with(place, last)
+        return self._with_gains(edited) if path[:1] == ("arm",) else edited
+
+    def _with_gains(self, edited: Project) -> Project:
+        """Return a project of an edited arm with new starting gains, if it has those of this one.
+
+        Gains that the user has chosen remain.
+        """
+        old, new = self.record, edited.record
+        if isinstance(old, Scenario) and isinstance(new, Scenario):
+            with suppress(FlexarmError):
+                if _with_starting_gains(old) == old:
+                    return replace(edited, record=_with_starting_gains(new))
+        return edited
 
     def _with(self, place: Path, value: Any) -> Project:
         document = parse(FilePath(ORIGIN), file_text(self.record))
@@ -410,8 +424,7 @@ def _rebuilt(record: Scenario | StudySpec, order: list[int]) -> Scenario | Study
     if isinstance(record, StudySpec):
         return record.replace(arm=arm)
     around = starts.scenario_around(arm)
-    drive = content_of(record.drive)
-    kept = {name: value for name, value in drive.items() if not isinstance(value, list)}
+    kept = _scalars(record.drive)
     refusals: list[FlexarmError] = []
     attempts: list[dict[str, Any]] = [
         {"motion": record.motion},
@@ -425,6 +438,15 @@ def _rebuilt(record: Scenario | StudySpec, order: list[int]) -> Scenario | Study
         except FlexarmError as error:
             refusals.append(error)
     raise refusals[0]
+
+
+def _with_starting_gains(record: Scenario) -> Scenario:
+    drive = _scalars(record.drive) | starts.drive_of_kind(record, record.drive.kind)
+    return record.replace(drive=drive)
+
+
+def _scalars(drive: Record) -> dict[str, Any]:
+    return {name: value for name, value in content_of(drive).items() if not isinstance(value, list)}
 
 
 def _abbreviated(record: Scenario | StudySpec, content: Any, path: Path) -> Iterator[Change]:
