@@ -38,9 +38,10 @@ def start_by_keyboard(window, name):
     page.get_by_role("button", name="New").focus()
     page.keyboard.press("Enter")
     entry = page.locator(".q-menu .q-item", has_text=re.compile(f"^{name}$"))
-    entry.wait_for()
+    # The menu takes the focus at the end of its transition.
+    page.wait_for_function("() => document.activeElement.classList.contains('q-menu')")
     for _ in range(20):
-        page.keyboard.press("ArrowDown")
+        page.keyboard.press("Tab")
         if entry.evaluate("entry => entry.contains(document.activeElement)"):
             break
     page.keyboard.press("Enter")
