@@ -101,6 +101,27 @@ def test_missed_peaks_are_reported() -> None:
         fa.fatigue_damage(cycles(71e6, 50, 7), 71e6)
 
 
+def test_a_category_in_megapascal_is_noticed() -> None:
+    pytest.importorskip("fatpack")
+    with pytest.warns(fa.ImplausibleValueWarning, match="71 Pa is none of a metal"):
+        fa.fatigue_damage(cycles(71e6, 50, 40), 71.0)
+
+
+def test_a_batch_of_other_sections_is_refused() -> None:
+    arm = cantilever()
+    posture, options = fa.equilibrium(arm, [0.0]).q, {"rate": 100.0, "stations": 5}
+    options["channels"] = ["axial_force", "bending_moment"]
+    one = fa.stress(fa.simulate(arm, 0.05, initial=posture, rate=100.0, stations=5))
+    runs = fa.simulate_batch(arm, 0.05, initial=[posture, posture], **options)
+    np.testing.assert_allclose(fa.stress(runs).isel(run=1).values, one.values, rtol=1e-9)
+    with pytest.raises(fa.InputError, match="channels="):
+        fa.stress(runs.drop_vars("axial_force"))
+    numbers = {"links[0].section.thickness": [0.004, 0.005]}
+    other = fa.simulate_batch(arm, 0.05, parameters=numbers, initial=posture, **options)
+    with pytest.raises(fa.InputError, match="of several arms, whose sections may differ"):
+        fa.stress(other)
+
+
 def boom(payload: float, softer: float = 1.0, motor: float = 8.0) -> fa.Arm:
     """Return a boom of three boxes with a gauge near each root."""
     links = [

@@ -14,7 +14,14 @@ import numpy as np
 import xarray as xr
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmError, FlexarmWarning, SimulationError, public_call
+from flexarm.base.errors import (
+    FlexarmError,
+    FlexarmWarning,
+    InputError,
+    Problem,
+    SimulationError,
+    public_call,
+)
 from flexarm.identification import fitting
 from flexarm.identification.assessment import fits_by_channel, information_of
 from flexarm.identification.data_sheet import (
@@ -199,6 +206,11 @@ class _Commissioning:
 
     def go_through(self, more: Sequence[FreeParameter]) -> None:
         """Go through all stages; ``more`` are free parameters besides those of the data sheet."""
+        for name, record in self._records.items():
+            for part, samples in zip(("first 70", "last 30"), _compared(record, ""), strict=True):
+                if not any(np.isfinite(c).any() for c in samples):
+                    rule = f"has no valid sample to compare in its {part} %"
+                    raise InputError(Problem(f"records[{name!r}]", rule, hint=_CUT))
         spec, motors = self.case.spec, self.case.motors
         outputs = {label for record in self._records.values() for label in record.outputs}
         fixed = set.intersection(*(set(r.settings.prescribed) for r in self._records.values()))
@@ -207,7 +219,8 @@ class _Commissioning:
         links = {path: every[path] for path in links}
         drives = {path: every[path] for path in {**drives, **of_masses(spec)}}
         space = Space(self._arm, motors, list(every.values()), dict(self.parts))
-        self.sheet = {slot.path: slot.start for slot in space.slots}
+        for word in ("path", "name"):  # a number of each record has names of its own
+            self.sheet |= {getattr(slot, word): slot.start for slot in space.slots}
         started = time.process_time()
         score = self._score(self.case)
         if not score:
@@ -438,6 +451,9 @@ class _Commissioning:
         )
 
 
+#: Errors of gains beyond which a unit is wrong.
+_FACTORS, _UNITS = (1.0 / 3.0, 3.0), ": check the units of the record, such as degrees"
+_CUT = "Cut the record where its sensors work."
 _RIVAL = ", or masses that differ from the data sheet by more than 10 %"
 _FRICTION = re.compile(r"joints\[(\d+)\]\.friction\.coulomb$")
 
@@ -477,9 +493,15 @@ def _can_follow(arm: Arm, record: MeasuredRecord) -> bool:
     return (
         len(angles) == arm.n_joints
         and not (arm.closure_rows or record.controller or record.settings.prescribed)
-        and any("joint" not in label.channel for label in record.outputs)
+        and all(any(np.isfinite(c).any() for c in part) for part in _compared(record, "joint"))
         and all(np.isfinite(record.outputs[label]).all() for label in angles)
     )
+
+
+def _compared(record: MeasuredRecord, without: str) -> list[list[FloatArray]]:
+    """Return the samples of the fitted and of the last part, ``without`` channels of this word."""
+    kept = [c for label, c in record.outputs.items() if not without or without not in label.channel]
+    return [[c[: _length(record)] for c in kept], [c[_length(record) :] for c in kept]]
 
 
 def _following(arm: Arm, record: MeasuredRecord, settings: RecordSettings) -> RecordSettings:
@@ -531,16 +553,18 @@ def _named(table: xr.Dataset) -> list[str]:
         elif kind == "gains":
             error = 100.0 * (value - 1.0)
             rival = _RIVAL if label and label.channel in INPUTS else ""
+            rival = rival if _FACTORS[0] < value < _FACTORS[1] else _UNITS
             sentences.append(f"{text} reads {error:+.2g} % too much: an error of its gain{rival}.")
         elif kind == "delays":
             named = text if label else f"The {text}"
             sentences.append(f"{named} is late by about {value:.2g} s: a delay.")
         elif path.endswith(".distance"):
-            change = value / start - 1.0
+            change = value / start - 1.0 if start else 0.0
             if abs(change) > _NAMED:
                 sentences.append(
                     f"The {in_words(path)} differs from the data sheet by {100 * change:+.0f} %; "
-                    "an error of the gain of its amplifier acts in the same way."
+                    "an error of the gain of its amplifier acts in the same way"
+                    f"{'' if _FACTORS[0] < value / start < _FACTORS[1] else _UNITS}."
                 )
     return sentences
 
@@ -550,6 +574,9 @@ def commissioned(study: PreparedIdentification, progress: bool | None) -> Identi
     given = {name: getattr(study.study.fit, name) for name in study.study.fit.model_fields_set}
     settings = {name: given[name] for name in MethodSettings.__annotations__ if name in given}
     with study.errors():
+        if unused := [f"fit.{name}" for name in given if name not in settings]:
+            hint = "Leave it out, or identify without --guided."
+            raise InputError(*(Problem(n, "does not act with --guided", hint=hint) for n in unused))
         return commission(
             study.arm,
             study.records,

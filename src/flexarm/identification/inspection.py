@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,14 +31,21 @@ def inspected(name: str, record: MeasuredRecord) -> tuple[MeasuredRecord, list[s
     """Return a record without samples that its instruments did not measure, and sentences."""
     columns = columns_of(record.data, [key for key in MEASURED if key in record.data])
     sentences = unwrap(columns)
-    moving = record.inputs or record.outputs
-    begins = [np.abs(c - c[0]) > _MOVES * np.ptp(c[np.isfinite(c)]) for c in moving.values()]
-    acting = np.flatnonzero(np.any(begins, axis=0))
-    for label in record.outputs if acting.size else ():
-        columns[label], texts = _without_faults(label, columns[label], record.times, int(acting[0]))
+    changes = map(_begins, (record.inputs, record.outputs))
+    start = next((first for first in changes if first is not None), 0)
+    for label in record.outputs:
+        columns[label], texts = _without_faults(label, columns[label], record.times, start)
         sentences += texts
     checked = with_columns(record, columns, record.settings)
     return checked, [f"{name}: {sentence}" for sentence in sentences]
+
+
+def _begins(columns: Mapping[Label, FloatArray]) -> int | None:
+    """Return the first sample at which a signal has changed; None if none changes."""
+    parts = [c for c in columns.values() if np.isfinite(c).any()]
+    moved = [np.abs(c - c[np.isfinite(c)][0]) > _MOVES * np.ptp(c[np.isfinite(c)]) for c in parts]
+    acting = np.flatnonzero(np.any(moved, axis=0)) if moved else np.zeros(0, dtype=int)
+    return int(acting[0]) if acting.size else None
 
 
 def _without_faults(

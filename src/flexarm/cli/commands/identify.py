@@ -19,7 +19,9 @@ def identify(
     guided: Annotated[
         bool, flag("--guided", "Inspect the records, and fit in stages from the data sheet.")
     ] = False,
-    quiet: Annotated[bool, flag("--quiet", "Do not print evaluations or stages.")] = False,
+    quiet: Annotated[
+        bool, flag("--quiet", "Do not print evaluations or stages while they run.")
+    ] = False,
 ) -> None:
     """Estimate parameters of an arm from measured records."""
     from flexarm.cases.results import write_result

@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_kind, check_mapping, library_missing
+from flexarm.arm.stations import MOST_STATIONS
+from flexarm.base.arguments import check_count, check_kind, check_mapping, library_missing
 from flexarm.base.errors import (
     AccuracyWarning,
+    ImplausibleValueWarning,
     InputError,
     Problem,
     check_array,
@@ -36,6 +38,10 @@ _CLASSES = 4096
 #: Share of the samples of a history that are reversals above which peaks lie between samples: at
 #: ten samples a period, two are, and a peak is up to 1 - cos(pi / 10) = 5 % too small.
 _REVERSALS = 0.2
+#: Classes of load in which reversals are counted for that, so that those of noise are not.
+_SEEN = 512
+#: Plausible categories of details, Pa: those of EN 1993-1-9 are 36 to 160 MPa.
+_CATEGORIES = 1e6, 1e9
 _SECTION = "a fa.Rectangle, fa.Circle, fa.Tube or fa.Box"
 
 
@@ -52,8 +58,8 @@ def stress(
     """Return the normal stress in the cross-sections of the links, N / A - M y / I.
 
     Args:
-        run: result of ``simulate(..., stations=k)``, of a batch or study with these channels, or
-            the ``Estimates`` of a filter.
+        run: result of ``simulate(..., stations=k)``, or of a batch of one arm with these channels;
+            or the ``Estimates`` of a filter.
         fibres: heights in the section, from -1 to 1 on the side of +y; by default both edges.
         sections: cross-sections by the number of the link, for links without `section`. Links
             that have none are left out.
@@ -81,11 +87,14 @@ def stress(
         arm, forces = _estimated_forces(run, estimator, torque, stations)
     else:
         forces = check_kind("run", run, xr.Dataset, "a result of simulate, or Estimates")
-        if not {"bending_moment", "axial_force"} <= set(forces):
-            hint = "Simulate with stations=11, for instance."
-            raise InputError(Problem("run", "has no forces inside the links", hint=hint))
-        arm = arm_of("run", forces)
-    by_link = _sections(arm, sections)
+        arm = _arm_of_forces(forces)
+        if estimator is not None or torque is not None:
+            given = "estimator" if torque is None else "torque"
+            raise InputError(
+                Problem(given, "acts for Estimates only, which a result does not need")
+            )
+    present = set(forces["link"].values.tolist())
+    by_link = {k: section for k, section in _sections(arm, sections).items() if k in present}
     link = {"link": list(by_link)}
     area, second_moment, half = (
         xr.DataArray(list(values), link, ("link",))
@@ -100,6 +109,21 @@ def stress(
     return found.rename("stress").assign_attrs(units="Pa", long_name="normal stress, tension > 0")
 
 
+def _arm_of_forces(result: xr.Dataset) -> Arm:
+    """Return the arm of a result with forces inside the links; InputError if there is none."""
+    batch = "run" in result.dims
+    if not {"bending_moment", "axial_force"} <= set(result):
+        hint = "Simulate with stations=11, for instance."
+        if batch:
+            hint = f'{hint[:-1]}, and channels=["axial_force", "bending_moment"].'
+        raise InputError(Problem("run", "has no forces inside the links", hint=hint))
+    varied = any(".section" in str(name) for name in result.variables)
+    if batch and ("arm" not in result.attrs or varied):
+        hint = "Simulate each arm alone, and call fa.stress for each result."
+        raise InputError(Problem("run", "is of several arms, whose sections may differ", hint=hint))
+    return arm_of("run", result)
+
+
 def _estimated_forces(
     found: Estimates, estimator: StateEstimator | None, torque: ArrayLike | None, stations: int
 ) -> tuple[Arm, xr.Dataset]:
@@ -108,6 +132,7 @@ def _estimated_forces(
         hint = "Give fa.stress the filter, and the torque that it received."
         missing = "estimator" if estimator is None else "torque"
         raise InputError(Problem(missing, "is missing for Estimates", hint=hint))
+    check_count("stations", stations, 2, MOST_STATIONS)
     check_kind("estimator", estimator, StateEstimator, "the filter of the estimates")  # type: ignore[type-abstract]
     last = {path: float(values[-1]) for path, values in found.parameters.items()}
     numbers = {"payload.mass": max(float(found.payload_mass[-1]), 0.0), **last}
@@ -133,7 +158,8 @@ def fatigue_damage(stress: xr.DataArray, detail_category: Positive) -> xr.DataAr
         InputError: if fatpack is not installed, or the stress has no times.
 
     Warns:
-        AccuracyWarning: if peaks of stress lie between the samples.
+        AccuracyWarning: if a share of the samples are peaks, so that others lie between them.
+        ImplausibleValueWarning: if the detail category looks like one of another unit.
 
     Stress ranges are counted as rainflow cycles, with those that remain open as if the history
     repeated. Damages are added up (Miner) by the curve of EN 1993-1-9, 7.1: slope 3, from five
@@ -149,6 +175,9 @@ def fatigue_damage(stress: xr.DataArray, detail_category: Positive) -> xr.DataAr
     check_kind("stress", stress, xr.DataArray, "a stress, as fa.stress returns it")
     if "time" not in stress.dims or stress.sizes["time"] < 3:
         raise InputError(Problem("stress", "have at least three times", shown(stress.dims)))
+    if not _CATEGORIES[0] <= detail_category <= _CATEGORIES[1]:
+        text = f"a detail category of {detail_category:g} Pa is none of a metal; it is in Pa: 71e6."
+        warn_caller(text, ImplausibleValueWarning)
     times = stress["time"].values
     hours = float(times[-1] - times[0]) / 3600.0
     curve, coarse = fatpack.TriLinearEnduranceCurve(detail_category), False
@@ -158,7 +187,7 @@ def fatigue_damage(stress: xr.DataArray, detail_category: Positive) -> xr.DataAr
         check_array("stress", history, history.shape)
         if np.ptp(history) < curve.Sl:  # also a constant one, in which no cycle is found
             return 0.0
-        turns = len(fatpack.find_reversals(history)[0])
+        turns = len(fatpack.find_reversals(history, k=_SEEN)[0])
         coarse = coarse or turns > _REVERSALS * len(history)
         ranges = fatpack.find_rainflow_ranges(history, k=_CLASSES)
         return float(curve.find_miner_sum(ranges)) / hours
@@ -185,5 +214,5 @@ def _sections(arm: Arm, sections: Mapping[int, Section] | None) -> dict[int, Sec
     found = {number: given.get(number, own[number]) for number in numbers}
     if kept := {number: section for number, section in found.items() if section is not None}:
         return kept
-    hint = "Give sections={1: fa.Tube(outer_diameter=..., thickness=...)} by link."
+    hint = "Give sections={1: fa.Tube(outer_diameter=..., thickness=...)}; fa.varied keeps none."
     raise InputError(Problem("sections", "are missing: no link has one", hint=hint))

@@ -67,7 +67,7 @@ def _plain(scenario: Scenario) -> bool:
     elsewhere = (
         scenario.prescribed or scenario.events or isinstance(scenario.motion, PressedMotionSpec),
         initial.balance or initial.base_position or initial.base_velocity,
-        initial.equilibrium and (scenario.loads or scenario.contacts),
+        initial.equilibrium and (scenario.loads or scenario.contacts or scenario.base_acceleration),
         getattr(drive, "estimator", None) or drive.kind in ("torque", "tip_inversion"),
         isinstance(scenario.base_acceleration, Record),
     )
