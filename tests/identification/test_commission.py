@@ -49,6 +49,39 @@ def test_faults_of_sensors_are_found_without_a_model(fault, words, lost):
     np.testing.assert_array_equal(angles, bench.data["joint_angle"].values)
 
 
+def test_sensors_are_inspected_without_a_changing_input():
+    bench = record(ONE.name, 1, end=1.0)
+    still = changed(bench, "torque", np.zeros(201))
+    late = np.where(np.arange(201) < 80, 0.0, bench.data["strain"].values[:, 0])
+    _, sentences = inspected("run", changed(still, "strain", late))
+    assert "run: strain_1 reads zero until 0.4 s" in sentences[0]
+    _, sentences = inspected("run", changed(still, "strain", np.zeros(201)))
+    assert "strain_1 does not change" in sentences[0]
+
+
+@pytest.mark.thorough
+def test_a_gauge_that_hangs_before_the_last_part_is_named():
+    bench = record(ONE.name, 1, end=1.0)
+    strain = bench.data["strain"].values[:, 0]
+    hanging = changed(bench, "strain", np.where(np.arange(201) < 130, strain, strain[130]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", fa.FlexarmWarning)
+        model = fa.commission(arm_of(ONE), {"run": hanging})
+    assert any("strain_1" in sentence for sentence in model.findings)
+    assert float(model.validation["fit"].sel(channel="joint_angle_1").min()) > 90.0
+
+
+def test_a_record_without_a_valid_last_part_is_refused():
+    bench = record(ONE.name, 1, end=1.0)
+    broken = bench
+    for name in ("strain", "joint_angle"):
+        values = broken.data[name].values[:, 0].copy()
+        values[130:] = np.nan
+        broken = changed(broken, name, values)
+    with pytest.raises(fa.InputError, match=r"records\['run'\] has no valid sample .* last 30 %"):
+        fa.commission(arm_of(ONE), {"run": broken})
+
+
 def test_wrapped_angles_are_unwrapped_and_sticking_joints_are_left():
     bench = record(ONE.name, 1, end=1.0)
     angle = np.linspace(0.0, 5.0, 201)
