@@ -14,7 +14,7 @@ from docutils import nodes
 from math_core import LatexToMathML
 from sphinx.application import Sphinx
 
-_TAG = re.compile(r"\\tag\{([A-Z])\.(\d+)\}")
+_TAG = re.compile(r"\\tag\{([A-Z])\.(\d+[a-z]?)\}")
 _CITED = re.compile(r"\(([A-Z])\.(\d+)([a-z]?)\)")
 _converter = LatexToMathML(fancy_error=False)
 
@@ -65,10 +65,13 @@ def _link_citations(app: Sphinx, doctree: nodes.document, page: str) -> None:
         ):
             pieces, end = [], 0
             for match in _CITED.finditer(text):
-                if (match[1], match[2]) not in known:
+                # A letter is that of an equation, or of a part of one.
+                tags = [(match[1], match[2] + match[3]), (match[1], match[2])]
+                tag = next((tag for tag in tags if tag in known), None)
+                if tag is None:
                     continue
-                goal = app.builder.get_relative_uri(page, known[match[1], match[2]])
-                uri = f"{goal}#equation-{match[1]}-{match[2]}"
+                goal = app.builder.get_relative_uri(page, known[tag])
+                uri = f"{goal}#equation-{tag[0]}-{tag[1]}"
                 pieces += [nodes.Text(text[end : match.start()])]
                 pieces += [nodes.reference(match[0], match[0], internal=True, refuri=uri)]
                 end = match.end()

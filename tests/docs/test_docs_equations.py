@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 
 import pytest
 from docs_pages import ROOT, text_of
@@ -15,6 +16,21 @@ _TAG = re.compile(r"\\tag\{([BCDFILMPRSTV])\.(\d+)\}")
 def tags() -> list[tuple[str, int]]:
     """Return letter and number of every equation of the theory pages."""
     return [(letter, int(n)) for page in THEORY for letter, n in _TAG.findall(text_of(page))]
+
+
+def test_the_site_can_draw_every_equation() -> None:
+    pytest.importorskip("math_core", reason="it comes with the extra: pip install 'flexarm[docs]'")
+    pytest.importorskip("sphinx")
+    site = runpy.run_path(str(ROOT / "docs" / "site" / "equations.py"))
+    draw, tag = site["_converter"].convert_with_local_state, site["_TAG"]
+    blocks = [
+        block
+        for page in THEORY
+        for block in re.findall(r"^\$\$(.+?)\$\$$", text_of(page), re.M | re.S)
+    ]
+    assert len(blocks) > 300
+    for block in blocks:
+        assert "<math" in draw(tag.sub("", block), displaystyle=True)
 
 
 def test_numbers_are_unique_and_consecutive() -> None:
