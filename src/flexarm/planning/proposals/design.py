@@ -330,7 +330,8 @@ def _wait_until_settled(
     """Extend the runs until the loops have settled, and measure the error after that."""
     decays = [-one.margins["growth"] for one in found.values() if not one.refusal(needs.delay)]
     longest = _LONGEST * needs.period
-    time = min(_SETTLED / min(decays, default=np.inf), longest)
+    slowest = min(decays, default=np.inf)  # zero for a pole at one
+    time = longest if slowest * longest < _SETTLED else _SETTLED / slowest
     run = content["run"]
     after = max(run["settling"] * _AFTER, float(f"{time:.2g}"))
     if run["settling"]:  # the tasks with a time after the motion
