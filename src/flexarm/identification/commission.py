@@ -263,9 +263,9 @@ class _Commissioning:
         for run, simulated in zip(problem.runs, outputs or (), strict=False):
             for k, label in enumerate(run.labels):
                 good = run.valid[:, k]
-                measured, own = run.measured[good, k], simulated[good, k]
-                rms = float(np.sqrt(np.mean((measured - own) ** 2)))
-                score[run.name, label.text] = rms, fit_percent(measured, own)
+                measured, predicted = run.measured[good, k], simulated[good, k]
+                rms = float(np.sqrt(np.mean((measured - predicted) ** 2)))
+                score[run.name, label.text] = rms, fit_percent(measured, predicted)
         return score
 
     def _fitted(self, case: Case, free: Parameters, following: bool) -> _Fitted:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -89,24 +89,24 @@ def stress(
         forces = check_kind("run", run, xr.Dataset, "a result of simulate, or Estimates")
         arm = _arm_of_forces(forces)
         if estimator is not None or torque is not None:
-            given = "estimator" if torque is None else "torque"
-            raise InputError(
-                Problem(given, "acts for Estimates only, which a result does not need")
-            )
-    present = set(forces["link"].values.tolist())
-    by_link = {k: section for k, section in _sections(arm, sections).items() if k in present}
+            name = "estimator" if torque is None else "torque"
+            raise InputError(Problem(name, "is for Estimates only: a result has its forces"))
+    by_link = _sections(arm, forces["link"].values.tolist(), sections)
     link = {"link": list(by_link)}
     area, second_moment, half = (
         xr.DataArray(list(values), link, ("link",))
         for values in zip(
-            *((one.area, one.second_moment, 0.5 * one.depth) for one in by_link.values()),
+            *(
+                (section.area, section.second_moment, 0.5 * section.depth)
+                for section in by_link.values()
+            ),
             strict=True,
         )
     )
     fibre = xr.DataArray(heights, {"fibre": heights}, ("fibre",))
     axial, moment = forces["axial_force"].sel(link), forces["bending_moment"].sel(link)
-    found = axial / area - moment * (half / second_moment) * fibre
-    return found.rename("stress").assign_attrs(units="Pa", long_name="normal stress, tension > 0")
+    normal = axial / area - moment * (half / second_moment) * fibre
+    return normal.rename("stress").assign_attrs(units="Pa", long_name="normal stress, tension > 0")
 
 
 def _arm_of_forces(result: xr.Dataset) -> Arm:
@@ -125,7 +125,7 @@ def _arm_of_forces(result: xr.Dataset) -> Arm:
 
 
 def _estimated_forces(
-    found: Estimates, estimator: StateEstimator | None, torque: ArrayLike | None, stations: int
+    estimates: Estimates, estimator: StateEstimator | None, torque: ArrayLike | None, stations: int
 ) -> tuple[Arm, xr.Dataset]:
     """Return the arm with the last estimates, and the forces inside its links at the samples."""
     if estimator is None or torque is None:
@@ -134,12 +134,14 @@ def _estimated_forces(
         raise InputError(Problem(missing, "is missing for Estimates", hint=hint))
     check_count("stations", stations, 2, MOST_STATIONS)
     check_kind("estimator", estimator, StateEstimator, "the filter of the estimates")  # type: ignore[type-abstract]
-    last = {path: float(values[-1]) for path, values in found.parameters.items()}
-    numbers = {"payload.mass": max(float(found.payload_mass[-1]), 0.0), **last}
+    last = {path: float(values[-1]) for path, values in estimates.parameters.items()}
+    numbers = {"payload.mass": max(float(estimates.payload_mass[-1]), 0.0), **last}
     arm = Arm(with_numbers(estimator.arm.spec, numbers))
-    torques = check_array("torque", torque, (len(found.q), arm.n_joints)) + found.disturbance
+    torques = (
+        check_array("torque", torque, (len(estimates.q), arm.n_joints)) + estimates.disturbance
+    )
     moments = np.zeros((stations, len(torques), arm.n_links, 3))
-    for k, (q, qd, acting) in enumerate(zip(found.q, found.qd, torques, strict=True)):
+    for k, (q, qd, acting) in enumerate(zip(estimates.q, estimates.qd, torques, strict=True)):
         qdd = arm.forward_dynamics(q, qd, acting)
         moments[:, k] = arm.section_forces(q, qd, qdd, stations=stations).transpose(1, 0, 2)
     times = np.asarray(np.arange(len(torques)) * estimator.sample_time)
@@ -158,7 +160,7 @@ def fatigue_damage(stress: xr.DataArray, detail_category: Positive) -> xr.DataAr
         InputError: if fatpack is not installed, or the stress has no times.
 
     Warns:
-        AccuracyWarning: if a share of the samples are peaks, so that others lie between them.
+        AccuracyWarning: if more than a fifth of the samples are peaks or valleys: some are missed.
         ImplausibleValueWarning: if the detail category looks like one of another unit.
 
     Stress ranges are counted as rainflow cycles, with those that remain open as if the history
@@ -192,27 +194,27 @@ def fatigue_damage(stress: xr.DataArray, detail_category: Positive) -> xr.DataAr
         ranges = fatpack.find_rainflow_ranges(history, k=_CLASSES)
         return float(curve.find_miner_sum(ranges)) / hours
 
-    found: xr.DataArray = xr.apply_ufunc(
+    damage: xr.DataArray = xr.apply_ufunc(
         of_history, stress, input_core_dims=[["time"]], vectorize=True
     )
     if coarse:
         text = "the stress has less than ten samples a cycle, so its peaks are missed and the "
         warn_caller(f"{text}damage is too small: simulate with a higher rate.", AccuracyWarning)
-    return found.rename("damage").assign_attrs(units="1/h", long_name="fatigue damage per hour")
+    return damage.rename("damage").assign_attrs(units="1/h", long_name="fatigue damage per hour")
 
 
-def _sections(arm: Arm, sections: Mapping[int, Section] | None) -> dict[int, Section]:
-    """Return the cross-sections by the number of the link."""
-    given = check_mapping("sections", {} if sections is None else sections, "links and sections")
-    numbers = range(1, arm.n_links + 1)
-    for number, section in given.items():
-        if number not in numbers:
+def _sections(
+    arm: Arm, links: Sequence[int], sections: Mapping[int, Section] | None
+) -> dict[int, Section]:
+    """Return the cross-sections of those links, by number, that have one."""
+    others = check_mapping("sections", {} if sections is None else sections, "links and sections")
+    for number, section in others.items():
+        if number not in range(1, arm.n_links + 1):
             rule = f"have numbers of links, 1 to {arm.n_links}"
             raise InputError(Problem("sections", rule, shown(number)))
         check_kind(f"sections[{number}]", section, CrossSection, _SECTION)
-    own = {number: link.section for number, link in zip(numbers, arm.spec.links, strict=True)}
-    found = {number: given.get(number, own[number]) for number in numbers}
-    if kept := {number: section for number, section in found.items() if section is not None}:
-        return kept
+    by_link = {number: others.get(number, arm.spec.links[number - 1].section) for number in links}
+    if sectioned := {number: section for number, section in by_link.items() if section is not None}:
+        return sectioned
     hint = "Give sections={1: fa.Tube(outer_diameter=..., thickness=...)}; fa.varied keeps none."
     raise InputError(Problem("sections", "are missing: no link has one", hint=hint))
