@@ -192,30 +192,31 @@ def test_a_force_is_followed():
     assert {item.signal for item in needs.hardware.instruments} == {"joint_angle", "contact_force"}
 
 
-def assessed(disk_margin, growth):
+def assessed(needs, disk_margin, growth):
     margins = {"gain_margin": 2.0, "phase_margin": 0.5, "delay_margin": 0.01, "damping_ratio": 0.1}
-    return Assessed({}, {"disk_margin": disk_margin, "growth": growth, **margins}, 2)
+    return Assessed(needs, {}, {"disk_margin": disk_margin, "growth": growth, **margins}, 2)
 
 
 def test_loops_near_instability_or_without_damping_are_refused():
     needs = needs_of(one_link(), "hold")
     assert needs.delay == 1e-3  # one sample of the typical drive
     table = scores(only=[1e-3])
-    sound = assessed(0.5, -1.0)
+    sound = assessed(needs, 0.5, -1.0)
     assert _refusal(needs, {"only": sound}, table, "only") == ""
     for name, value, text in (
         ("delay_margin", 0.81e-3, "permits a delay of only 1.81 ms, less than 2 times the 1 ms"),
         ("damping_ratio", 0.006, "has a damping ratio of 0.006, less than 0.02"),
         ("growth", 2.0, "No candidate is stable on the model"),
+        ("growth", -0.1, "decays by only 0.1 1/s: an error does not fall to a hundredth within 20"),
     ):
         poor = sound._replace(margins={**sound.margins, name: value})
         assert text in _refusal(needs, {"only": poor}, table, "only")
         # Another one is proposed, even with more error and less margin.
         found, errors = (
-            {"poor": poor, "sound": assessed(0.1, -1.0)},
+            {"poor": poor, "sound": assessed(needs, 0.1, -1.0)},
             scores(poor=[1e-3], sound=[1.0]),
         )
-        assert _chosen(needs, found, errors) == "sound"
+        assert _chosen(found, errors) == "sound"
     assert "does not complete" in _refusal(needs, {"only": sound}, scores(only=[np.nan]), "only")
 
 
@@ -344,12 +345,12 @@ def scores(**values):
 
 def test_a_stable_candidate_is_proposed_before_an_unstable_one_with_less_error():
     needs = needs_of(one_link(), "hold")
-    found = {"unstable": assessed(0.0, 3.0), "stable": assessed(0.2, -1.0)}
+    found = {"unstable": assessed(needs, 0.0, 3.0), "stable": assessed(needs, 0.2, -1.0)}
     table = scores(unstable=[1e-3], stable=[5e-3])
-    assert _chosen(needs, found, table) == "stable"
-    found["margin"] = assessed(0.5, -1.0)
+    assert _chosen(found, table) == "stable"
+    found["margin"] = assessed(needs, 0.5, -1.0)
     table = scores(unstable=[1e-3], stable=[5e-3], margin=[9e-3])
-    assert _chosen(needs, found, table) == "margin"
+    assert _chosen(found, table) == "margin"
 
 
 def test_a_proposal_that_is_not_stable_is_reported_first(monkeypatch, tmp_path):
@@ -381,7 +382,7 @@ def test_the_torque_limit_is_that_of_the_motors_of_all_candidates():
 def test_a_proposal_that_fails_on_an_arm_names_it():
     needs = needs_of(one_link(), "hold")
     table, candidate = scores(one=[1e-3, np.nan]), Candidate("one", "A reason.", ())
-    found = {"one": assessed(0.5, -1.0)}
+    found = {"one": assessed(needs, 0.5, -1.0)}
     reasons = reasons_of(needs, [candidate], found, table, "one")
     begin = "one for the task hold: it does not complete its run on 'heavy'. A reason."
     assert reasons[0] == begin
@@ -424,10 +425,15 @@ def elbow(**joint):
     return fa.Arm(arm.spec.replace(joints=joints, gravity=(0.0, -9.81)))
 
 
+def simplest_of(needs):
+    """Return the assessed setting of the simplest candidate, by its name."""
+    return _best(needs, case_of(needs), candidates_of(needs)[-1:])[0]
+
+
 def advice_for(**joint):
-    """Return the advice of a design that no candidate suits."""
+    """Return the advice of a design with the simplest candidate alone."""
     needs = needs_of(elbow(**joint), "point_to_point")
-    return _lacking(needs, {}, candidates_of(needs))
+    return _lacking(needs, simplest_of(needs), candidates_of(needs))
 
 
 def test_the_advice_for_an_elbow_without_inertia_names_what_makes_its_loop_stable():
@@ -440,11 +446,30 @@ def test_the_advice_for_an_elbow_without_inertia_names_what_makes_its_loop_stabl
     accepted = {}
     for size in (0.0, inertia):
         heavier = needs_of(elbow(hub_inertia=0.03, housing_inertia=size), "point_to_point")
-        simplest = candidates_of(heavier)[-1]
-        found, _ = _best(heavier, case_of(heavier), [simplest])
-        accepted[size] = found["joint PID"].refusal(heavier.delay) == ""
+        accepted[size] = simplest_of(heavier)["joint PID"].refusal == ""
     assert accepted == {0.0: False, inertia: True}
     assert advice_for(hub_inertia=0.03, housing_inertia=0.03) == ""
+
+
+def test_the_advice_for_slow_hardware_names_a_delay_with_which_the_loop_is_accepted():
+    def needs_with(delay):
+        hardware = fa.Hardware(
+            instruments=[fa.Instrument("joint_angle", rate_cutoff=100.0)],
+            motors=fa.Motors(delay=delay),
+        )
+        joints = [fa.Joint(hub_inertia=0.05), fa.Joint(hub_inertia=0.05, housing_inertia=0.05)]
+        rod = {"flexural_rigidity": [30.0, 12.0], "mass_per_length": [0.6, 0.4], "elements": 1}
+        arm = chain((0.7, 0.5), joints, **rod, damping=0.01, payload=0.2)
+        return needs_of(arm, "point_to_point", hardware=hardware)
+
+    slow = needs_with(0.03)
+    advice = _lacking(slow, simplest_of(slow), candidates_of(slow))
+    begin, end = "With a delay of the hardware of ", " ms, joint PD is accepted."
+    assert advice.startswith(begin)
+    assert advice.endswith(end)
+    delay = 1e-3 * float(advice.removeprefix(begin).removesuffix(end))
+    refusals = [simplest_of(needs_with(t))["joint PD"].refusal for t in (0.03, delay)]
+    assert [refusal == "" for refusal in refusals] == [False, True]
 
 
 def test_the_reason_why_nothing_can_be_designed_is_named(monkeypatch):

@@ -49,6 +49,9 @@ _RESTING = 1e-5
 #: Least delay that a loop must permit, relative to that of the hardware, which it includes; and
 #: least damping ratio.
 _DELAYS, _DAMPED = 2.0, 0.02
+#: Time constants of the slowest pole in which an error falls to a hundredth, and the most periods
+#: of the lowest frequency that they may last.
+_SETTLED, _LONGEST = float(np.log(100.0)), 20.0
 #: Frequencies of the joint loops, relative to the lowest frequency with locked joints, and their
 #: damping ratios. Loops above half of that frequency bend the links more than they move them.
 _BANDWIDTHS, _DAMPINGS = (0.15, 0.25, 0.4, 0.6, 1.0, 1.5, 2.5), (0.7, 1.2)
@@ -313,6 +316,7 @@ _UNSTABLE = {"disk_margin": 0.0, "gain_margin": 1.0, "phase_margin": 0.0, "delay
 class Assessed(NamedTuple):
     """A drive with its worst margins over plants and postures."""
 
+    needs: Requirements
     drive: Drive  # as in a file
     margins: dict[str, float]  # by name, growth and damping_ratio, too; SI units
     states: int  # numbers that the controller keeps between samples
@@ -322,9 +326,11 @@ class Assessed(NamedTuple):
         """Whether the loop is stable on all plants at all postures."""
         return self.margins["growth"] <= 0.0
 
-    def refusal(self, delay: float) -> str:
-        """Return why no drive with a ``delay`` (s) should have these margins; empty if it may."""
+    @property
+    def refusal(self) -> str:
+        """Why no drive should have these margins; empty if it may."""
         margin, ratio = self.margins["delay_margin"], self.margins["damping_ratio"]
+        delay, longest = self.needs.delay, _LONGEST * self.needs.period
         if not self.stable:
             return "is unstable"
         if margin + delay < _DELAYS * delay:
@@ -334,23 +340,29 @@ class Assessed(NamedTuple):
             )
         if ratio < _DAMPED:
             return f"has a damping ratio of {ratio:.2g}, less than {_DAMPED:g}"
+        if self.needs.task != "force" and -self.margins["growth"] * longest < _SETTLED:
+            return (
+                f"decays by only {-self.margins['growth']:.2g} 1/s: an error does not fall to a "
+                f"hundredth within {_LONGEST:g} periods of the lowest frequency, {longest:.3g} s"
+            )
         return ""
 
-    def value(self, disk_margin: float, delay: float) -> tuple[bool, bool, bool, float, float]:
-        """Return the value by which settings are compared; larger is better.
+    @property
+    def value(self) -> tuple[bool, bool, bool, float, float]:
+        """The value by which settings are compared; larger is better.
 
         Settings that are not refused come first, then those with the required margin, and among
         them the fastest decay; of the others, the largest margin.
         """
         margins = self.margins
-        accepted = not self.refusal(delay)
-        enough = bool(self.stable and margins["disk_margin"] >= disk_margin)
+        accepted = not self.refusal
+        enough = bool(self.stable and margins["disk_margin"] >= self.needs.disk_margin)
         speed = -margins["growth"]
         return accepted, enough, self.stable, speed if enough else margins["disk_margin"], speed
 
 
 class Loops:
-    """Loops of drives with the plants of a study, in ``postures`` (k, joints) rad of its motion.
+    """Loops of drives with the plants of a study, in the postures of its motion.
 
     ``error`` is the text of the last error of a design, or empty.
     """
@@ -359,10 +371,10 @@ class Loops:
         self,
         content: Mapping[str, Any],
         plants: Mapping[str, Arm],
-        postures: FloatArray,
+        needs: Requirements,
         drive: Drive,
     ) -> None:
-        self._content, self._plants, self._postures = content, plants, postures
+        self._content, self._plants, self._needs = content, plants, needs
         scenario = scenario_of(content, drive)  # all drives share its motion
         self._arm = Arm(scenario.arm)
         self._motion = motion_of(self._arm, scenario)
@@ -383,7 +395,7 @@ class Loops:
         controller = prepared.options["controller"]
         contacts = without_friction(scenario.contacts)
         reference: Any = prepared.followed.motion if contacts else None
-        times = [reference.start_time, reference.end_time] if contacts else self._postures
+        times = [reference.start_time, reference.end_time] if contacts else self._needs.postures
         places = places_of(controller, self._arm, times, reference)
         models = None if contacts else self._models
         hardware = prepared.options.get("hardware")
@@ -402,10 +414,10 @@ class Loops:
             vibrates = (ratio < 1.0 - 1e-9) & (turned > _RESTING)
             decays += [(r * f, r) for r, f in zip(ratio[vibrates], hertz[vibrates], strict=True)]
         margins["damping_ratio"] = float(min(decays, default=(0.0, 1.0))[1])
-        found = Assessed(drive, margins | _UNSTABLE, len(loops[0].controller.A))
+        found = Assessed(self._needs, drive, margins | _UNSTABLE, len(loops[0].controller.A))
         return found, loops if found.stable else []
 
-    def best(self, candidate: Candidate, disk_margin: float, delay: float) -> Assessed | None:
+    def best(self, candidate: Candidate) -> Assessed | None:
         """Return the best setting of a candidate; None, and ``error``, if none can be designed.
 
         Margins take time, so that they are computed from the fastest decay on, until one suffices,
@@ -427,11 +439,11 @@ class Loops:
                 of_loop = dict(zip(_UNSTABLE, (disk, gain, phase, late), strict=True))
                 worst = {name: min(worst[name], float(np.min(of_loop[name]))) for name in worst}
                 one.margins.update(worst)
-                if best and one.value(disk_margin, delay) <= best.value(disk_margin, delay):
+                if best and one.value <= best.value:
                     break
-            if best is None or one.value(disk_margin, delay) > best.value(disk_margin, delay):
+            if best is None or one.value > best.value:
                 best = one
-            if all(best.value(disk_margin, delay)[:2]):
+            if all(best.value[:2]):
                 break
         return best
 

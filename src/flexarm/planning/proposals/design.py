@@ -39,7 +39,7 @@ from flexarm.planning.proposals.candidates import (
     rounded,
     scenario_of,
 )
-from flexarm.planning.proposals.drive import typical_text
+from flexarm.planning.proposals.drive import quicker, typical_text
 from flexarm.planning.proposals.requirements import Requirements, requirements_of
 from flexarm.simulation.calls.compare import Evaluation, comparison, runs_of
 from flexarm.simulation.loop.stability import NO_INERTIA, with_inertia
@@ -50,6 +50,8 @@ if TYPE_CHECKING:
 
 #: Plants that are simulated: the model, and two that differ from it as far as possible.
 _SIMULATED = 3
+#: Delays of the hardware that are tried if all candidates are refused, relative to its own.
+_SHORTER = (0.5, 0.25, 0.1)
 #: Suffixes of scenario files.
 SCENARIO_SUFFIXES = (".yaml", ".yml")
 #: Metrics whose sum is compared, by task.
@@ -164,7 +166,8 @@ def design(
     that differ from it as far as the uncertainty permits. The setting with the required margin and
     the fastest decay is simulated on the arm and on two others; the candidate with the least error
     in the worst case is proposed. Refused are loops that are unstable, also with twice
-    the delay of the hardware, or whose slowest vibration has a damping ratio below 0.02.
+    the delay of the hardware, whose slowest vibration has a damping ratio below 0.02, or that need
+    more than 20 periods of the lowest frequency until an error has fallen to a hundredth.
     Under gravity all candidates have integral feedback and follow a reference of the bent arm.
 
     Args:
@@ -224,9 +227,9 @@ def design(
         rule = "has no controller among the candidates that can be designed for this arm"
         hint = _lacking(needs, found, candidates) or "Give the links damping, or use other sensors."
         raise InputError(Problem("task", rule, hint=f"{hint} {' '.join(errors.values())}"))
-    _wait_until_settled(needs, content, found)
+    _wait_until_settled(content, found)
     table = _table(needs, content, found, progress)
-    chosen = _chosen(needs, found, table)
+    chosen = _chosen(found, table)
     lacking = _lacking(needs, found, candidates)
     refusal = _refusal(needs, found, table, chosen, lacking)
     reasons = (*reasons_of(needs, candidates, found, table, chosen), *errors.values())
@@ -247,10 +250,10 @@ def _best(
         name: Arm(plant_spec(needs.arm.spec, PlantSpec(**factors)))
         for name, factors in content["plants"].items()
     }
-    loops = Loops(content, plants, needs.postures, candidates[0].drives[0])
+    loops = Loops(content, plants, needs, candidates[0].drives[0])
     found, errors = {}, {}
     for candidate in candidates:
-        best = loops.best(candidate, needs.disk_margin, needs.delay)
+        best = loops.best(candidate)
         if best is None:
             cause = loops.error.splitlines()[0].rstrip(".")
             errors[candidate.name] = f"{candidate.name} could not be designed: {cause}."
@@ -262,19 +265,31 @@ def _best(
 def _lacking(
     needs: Requirements, found: Mapping[str, Assessed], candidates: Sequence[Candidate]
 ) -> str:
-    """Return the inertia of motors with which the last, simplest candidate is accepted.
+    """Return with what the last, simplest candidate is accepted.
 
-    Empty if it is accepted without, or not even with it.
+    Empty if it is accepted without, or not even with that.
     """
     name = candidates[-1].name
-    if name in found and not found[name].refusal(needs.delay):
+    if name in found and not found[name].refusal:
         return ""
-    for arm, inertia in with_inertia(needs.arm):
-        cured = replace(needs, arm=arm)
+    for cured, cure in _cures(needs, all(one.refusal for one in found.values())):
         best, _ = _best(cured, case_of(cured), candidates_of(cured)[-1:])
-        if best and not best[name].refusal(needs.delay):
-            return f"{NO_INERTIA} with {inertia}, {name} is accepted."
+        if best and not best[name].refusal:
+            return f"{cure}, {name} is accepted."
     return ""
+
+
+def _cures(needs: Requirements, refused: bool) -> Iterator[tuple[Requirements, str]]:
+    """Yield other requirements and their difference: inertia, and if all are ``refused``, more."""
+    for arm, inertia in with_inertia(needs.arm):
+        yield replace(needs, arm=arm), f"{NO_INERTIA} with {inertia}"
+    if refused:
+        if needs.payload or needs.rigidity:
+            exact = replace(needs, payload=0.0, rigidity=0.0)
+            yield exact, "Without the uncertainty of payload and rigidity"
+        for factor in _SHORTER:
+            quick = replace(needs, hardware=quicker(needs.hardware, factor))
+            yield quick, f"With a delay of the hardware of {1e3 * quick.delay:.2g} ms"
 
 
 def _table(
@@ -287,8 +302,8 @@ def _table(
 
     Refused candidates are not simulated, unless the best one is refused, too.
     """
-    ranks = {name: _rank(needs, one) for name, one in found.items()}
-    accepted = (name for name, one in found.items() if not one.refusal(needs.delay))
+    ranks = {name: _rank(one) for name, one in found.items()}
+    accepted = (name for name, one in found.items() if not one.refusal)
     simulated = list(accepted) or [name for name in found if ranks[name] == min(ranks.values())]
     drives = {name: found[name].drive for name in simulated}
     plants = dict(list(content["plants"].items())[:_SIMULATED])
@@ -296,9 +311,7 @@ def _table(
     def evaluation(name: str, *run: str) -> Evaluation:
         if name in drives:
             return study.evaluation(name, *run)
-        return Evaluation(
-            failure=f"It is not simulated, because it {found[name].refusal(needs.delay)}."
-        )
+        return Evaluation(failure=f"It is not simulated, because it {found[name].refusal}.")
 
     with warnings.catch_warnings():  # the table has the warnings of the runs
         warnings.simplefilter("ignore", FlexarmWarning)
@@ -324,34 +337,29 @@ def _table(
     return table
 
 
-def _wait_until_settled(
-    needs: Requirements, content: dict[str, Any], found: Mapping[str, Assessed]
-) -> None:
+def _wait_until_settled(content: dict[str, Any], found: Mapping[str, Assessed]) -> None:
     """Extend the runs until the loops have settled, and measure the error after that."""
-    decays = [-one.margins["growth"] for one in found.values() if not one.refusal(needs.delay)]
-    longest = _LONGEST * needs.period
-    slowest = min(decays, default=np.inf)  # zero for a pole at one
-    time = longest if slowest * longest < _SETTLED else _SETTLED / slowest
     run = content["run"]
-    after = max(run["settling"] * _AFTER, float(f"{time:.2g}"))
     if run["settling"]:  # the tasks with a time after the motion
-        end = run["duration"] - run["settling"] * _AFTER
+        decays = (-one.margins["growth"] for one in found.values() if not one.refusal)
+        time = float(f"{_SETTLED / min(decays, default=np.inf):.2g}")
+        least = run["settling"] * _AFTER
+        end, after = run["duration"] - least, max(least, time)
         content["run"] = run | {
             "duration": rounded([end + after], 6)[0],
             "settling": float(f"{after * (1.0 - 1.0 / _AFTER):.2g}"),
         }
 
 
-def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset) -> str:
+def _chosen(found: Mapping[str, Assessed], table: xr.Dataset) -> str:
     """Return the candidate of least worst error, with the margin or stable on all arms first."""
     worst = table["score"].fillna(np.inf).max("plant")
+    return min(found, key=lambda name: (_rank(found[name]), worst.sel(candidate=name)))
 
-    return min(found, key=lambda name: (_rank(needs, found[name]), worst.sel(candidate=name)))
 
-
-def _rank(needs: Requirements, one: Assessed) -> tuple[bool, ...]:
+def _rank(one: Assessed) -> tuple[bool, ...]:
     """Return the rank of a candidate by its margins; less is better, whatever its errors are."""
-    return tuple(not reached for reached in one.value(needs.disk_margin, needs.delay)[:3])
+    return tuple(not reached for reached in one.value[:3])
 
 
 def _refusal(
@@ -365,7 +373,7 @@ def _refusal(
     hint = lacking or "Reduce the uncertainty or the delays, or add sensors or damping."
     if all(not one.stable for one in found.values()):
         return f"No candidate is stable on {_arms(needs)}. {hint}"
-    if refusal := found[chosen].refusal(needs.delay):
+    if refusal := found[chosen].refusal:
         return f"No candidate is accepted: {chosen}, the best one, {refusal}. {hint}"
     if table["score"].sel(candidate=chosen).isnull().any():
         return f"No candidate is accepted: {chosen} does not complete its runs. {hint}"
@@ -381,8 +389,8 @@ _DISTURBED = 0.01
 #: Time before the motion in periods of the lowest frequency; with a force, which is zero at the
 #: start; and time after the motion.
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
-#: Time after the motion: time constants of the slowest pole of a loop, and the most periods.
-_SETTLED, _LONGEST = 10.0, 20.0
+#: Time after the motion in time constants of the slowest pole of a loop.
+_SETTLED = 10.0
 #: Share of a run with a motor at its limit above which the reasons mention it.
 _LIMITED = 0.1
 #: Recorded samples in a period of the lowest frequency.
@@ -531,7 +539,7 @@ def _result(needs: Requirements, score: xr.DataArray) -> str:
 
 def _other(needs: Requirements, name: str, one: Assessed, worst: float) -> str:
     """Return why another candidate is not proposed, or how near it is."""
-    if refusal := one.refusal(needs.delay):
+    if refusal := one.refusal:
         return f"{name} {refusal}{' on one of the arms' * (not one.stable)}."
     if not np.isfinite(worst):
         return f"{name} does not complete its run on one of the arms."

@@ -89,6 +89,16 @@ def delay_of(hardware: Hardware) -> float:
     return motors.delay + motors.time_constant + readings
 
 
+def quicker(hardware: Hardware, factor: float) -> Hardware:
+    """Return hardware whose delays and lags, apart from filters of rates, are multiplied."""
+    motors = hardware.motors or Motors()
+    times = {"delay": factor * motors.delay, "time_constant": factor * motors.time_constant}
+    items = hardware.instruments
+    if items is not None:
+        items = [item.replace(delay=factor * item.delay) for item in items]
+    return hardware.replace(motors=motors.replace(**times), instruments=items)
+
+
 def rate_lag_of(hardware: Hardware) -> float:
     """Return the lag (s) of the joint rates by their filter."""
     read = [item for item in hardware.instruments or () if "joint_rate" in item.labels]

@@ -196,7 +196,7 @@ def requirements_of(
     drive = machine or typical_hardware(arm, read, needs.sample_time, needs.force)
     longest = _MOST_DELAYED * needs.sample_time
     if delay_of(drive) > longest:
-        rule = f"must delay the loop by at most {longest:.3g} s ({_MOST_DELAYED} sample times)"
+        rule = f"delay the loop by at most {longest:.3g} s ({_MOST_DELAYED} sample times)"
         raise InputError(Problem("hardware", rule, f"{delay_of(drive):.3g} s"))
     return replace(needs, hardware=with_torque_limit(arm, drive, limit))
 
