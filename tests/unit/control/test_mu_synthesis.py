@@ -8,7 +8,7 @@ from linear_arm import POSTURE
 from test_loop_margins import robust_arm
 
 import flexarm as fa
-from flexarm.control.analysis.sampled_loop import response
+from flexarm.control.analysis.sampled_loop import Response
 from flexarm.control.analysis.structured import _diagonal, _magnitude, dk_iteration
 from flexarm.control.design.linear_design import held
 from flexarm.control.design.loop_shaping import added_damping, in_series, shaping
@@ -72,14 +72,14 @@ def test_scalings_have_their_magnitude_and_inverse():
     numbers = [np.array([0.3, 1.0, 2.0, -1.0, 0.5]), np.array([-1.0])]
     omega = np.geomspace(0.01, 100.0, 20)
     models = [_diagonal(numbers, [2, 1, 3], 8, inverted=each) for each in (False, True)]
-    found = response(*models[0][:3], 1j * omega) + models[0][3]
+    found = Response(*models[0][:3])(1j * omega) + models[0][3]
     wanted = np.exp([_magnitude(each, omega) for each in numbers])
     diagonal = np.abs(np.diagonal(found, axis1=1, axis2=2)).T
     np.testing.assert_allclose(diagonal[:2], [wanted[0]] * 2, rtol=1e-12)
     np.testing.assert_allclose(diagonal[2], wanted[1], rtol=1e-12)
     np.testing.assert_allclose(diagonal[3:], 1.0)
     A, B, C, D = in_series(*models)
-    both = response(A, B, C, 1j * omega) + D
+    both = Response(A, B, C)(1j * omega) + D
     np.testing.assert_allclose(both, np.broadcast_to(np.eye(8), both.shape), atol=1e-12)
 
 
@@ -108,7 +108,7 @@ def test_uncertain_plant_contains_the_varied_arms(signs, gravity, step, error):
     of_each = (len(plant.blocks) - 1) // 2
     delta = np.repeat(np.repeat(signs, of_each), plant.blocks[:-1])
     omega = np.array([0.5, 3.0, 12.0, 30.0])
-    whole = response(*plant.whole[:3], 1j * omega) + plant.whole[3]
+    whole = Response(*plant.whole[:3])(1j * omega) + plant.whole[3]
     n, m = len(delta), 2
     P_dd, P_du = whole[:, :n, :n], whole[:, :n, -m:]
     P_yd, P_yu = whole[:, -m:, :n], whole[:, -m:, -m:]
@@ -116,7 +116,7 @@ def test_uncertain_plant_contains_the_varied_arms(signs, gravity, step, error):
     factors = 1.0 + rigidity * signs[0], 1.0 + payload * signs[1]
     model = damped(arm, factors, rigidity)
     output, torque = plant.shown @ model.C, model.B @ plant.root
-    wanted = response(model.A, torque, output, 1j * omega)
+    wanted = Response(model.A, torque, output)(1j * omega)
     largest = np.abs(wanted).max(axis=(1, 2), keepdims=True)
     np.testing.assert_allclose(found / largest, wanted / largest, rtol=0, atol=error)
 
@@ -149,8 +149,8 @@ def test_mu_bounds_the_sensitivity_of_varied_arms(design, signs):
     root, _ = shaping(arm, np.array(POSTURE), design.bandwidth)
     omega = np.geomspace(1e-3, 0.99 * np.pi / h, 800)
     z = np.exp(1j * omega * h)
-    plant = response(A, B, model.C, z)
-    control = response(design.A, design.B, design.C, z) + design.D
+    plant = Response(A, B, model.C)(z)
+    control = Response(design.A, design.B, design.C)(z) + design.D
     back = np.linalg.solve(root, control @ plant @ root)
     loop = np.block([[A + B @ design.D @ model.C, B @ design.C], [design.B @ model.C, design.A]])
     assert np.abs(np.linalg.eigvals(loop)).max() < 1.0
@@ -270,7 +270,7 @@ def test_run_and_export(design):
     model = fa.loop_models(design).controller
     angles = [model.inputs.index(f"joint_angle[{k}]") for k in (1, 2)]
     z = np.exp(1j * np.array([3.0e-3]))
-    wanted = response(design.A, design.B, design.C, z) + design.D
+    wanted = Response(design.A, design.B, design.C)(z) + design.D
     found = model.frequency_response([3.0])
     np.testing.assert_allclose(found[0][:, angles], wanted[0][:, :2], rtol=1e-6)
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import IntArray
 from flexarm.arm.bending import one_warning, warn_of_first
 from flexarm.base.arguments import as_list, check_each, check_kind, check_list_of, check_numbers
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
@@ -312,57 +313,74 @@ def margins_at(loop: SampledLoop, stable: bool = True) -> list[FloatArray]:
     if not stable:
         return [np.ones(joints), np.ones(joints), *np.zeros((3, joints))]
     angles = frequency_grid(loop)
-    S = np.diagonal(_at(loop, angles), axis1=1, axis2=2)
-    every = [_of_joint(loop, k, angles, S[:, k]) for k in range(joints)]
-    return [np.array(column) for column in zip(*every, strict=True)]
+    S = _at(loop, angles)
+    L = 1.0 / S - 1.0
+
+    def returned(at: FloatArray, joint: IntArray) -> ComplexArray:
+        return np.asarray(1.0 / _at(loop, at)[np.arange(at.size), joint] - 1.0)
+
+    def function(at: FloatArray, column: IntArray) -> FloatArray:
+        value = returned(at, column % joints)
+        return np.where(column < joints, value.imag, np.abs(value) - 1.0)
+
+    at, column = _crossings(angles, np.hstack([L.imag, np.abs(L) - 1.0]), function)
+    values = returned(at, column % joints)
+    largest = _largest(loop, angles, np.abs(2.0 * S - 1.0))
+    every = [
+        _of_joint(L[:, k], values[column == k].real, at[later], values[later], loop.sample_time)
+        for k in range(joints)
+        for later in [column == joints + k]
+    ]
+    return [*map(np.array, zip(*every, strict=True)), 2.0 / largest]
 
 
 def _at(loop: SampledLoop, angles: FloatArray) -> ComplexArray:
-    return loop.sensitivity(np.exp(1j * angles))
+    """Return the sensitivity (f, joints) of each joint at angles (f,) in rad per sample."""
+    return np.diagonal(loop.sensitivity(np.exp(1j * angles)), axis1=1, axis2=2)
 
 
 def _of_joint(
-    loop: SampledLoop, joint: int, angles: FloatArray, S: ComplexArray
-) -> tuple[float, float, float, float, float]:
-    """Return the margins of the loop opened at one joint."""
+    L: ComplexArray, real: FloatArray, at: FloatArray, values: ComplexArray, sample_time: float
+) -> tuple[float, float, float, float]:
+    """Return the margins, but the disk margin, of the loop opened at one joint.
 
-    def returned(at: FloatArray) -> ComplexArray:
-        return np.asarray(1.0 / _at(loop, at)[:, joint, joint] - 1.0)
-
-    L = 1.0 / S - 1.0
-    turned = _crossings(angles, L.imag, lambda at: returned(at).imag)
-    real = np.append(returned(turned).real if turned.size else np.zeros(0), L[[0, -1]].real)
+    Args:
+        L: its return ratio at all frequencies.
+        real: the same where it is real.
+        at, values: frequencies (rad per sample) where its size is one, and the ratio there.
+        sample_time: s.
+    """
+    real = np.append(real, L[[0, -1]].real)
     real[-2] = real[-2] if abs(L[0].imag) < 1e-3 * abs(L[0].real) else 0.0
     factors = -1.0 / real[real < 0.0]
     more, less = factors[factors > 1.0], factors[(factors < 1.0) & (factors > _SMALLEST)]
-    at = _crossings(angles, np.abs(L) - 1.0, lambda at: np.abs(returned(at)) - 1.0)
-    phase = np.angle(-returned(at)) if at.size else np.zeros(0)
+    phase = np.angle(-values)
     lag = np.where(phase > 0.0, phase, phase + 2.0 * np.pi)
     gains = float(more.min(initial=np.inf)), float(less.max(initial=0.0))
-    delay = float((lag / np.maximum(at, 1e-300)).min(initial=np.inf)) * loop.sample_time
-    disk = 2.0 / _largest(loop, joint, angles, np.abs(2.0 * S - 1.0))
-    return *gains, float(np.abs(phase).min(initial=np.pi)), delay, disk
+    delay = float((lag / np.maximum(at, 1e-300)).min(initial=np.inf)) * sample_time
+    return *gains, float(np.abs(phase).min(initial=np.pi)), delay
 
 
-def _largest(loop: SampledLoop, joint: int, angles: FloatArray, size: FloatArray) -> float:
-    """Return the largest |S - T|, refined on a finer grid around the largest sample."""
-    k = int(np.argmax(size))
-    between = np.linspace(angles[max(k - 1, 0)], angles[min(k + 1, len(angles) - 1)], 101)
-    closer = np.abs(2.0 * _at(loop, between)[:, joint, joint] - 1.0)
-    return float(max(size[k], closer.max()))
+def _largest(loop: SampledLoop, angles: FloatArray, size: FloatArray) -> FloatArray:
+    """Return the largest |S - T| (joints,), refined on a finer grid around the largest samples."""
+    k, joints = np.argmax(size, axis=0), range(size.shape[1])
+    ends = angles[np.maximum(k - 1, 0)], angles[np.minimum(k + 1, len(angles) - 1)]
+    between = np.linspace(*ends, 101)
+    closer = np.abs(2.0 * _at(loop, between.ravel()) - 1.0).reshape(101, -1, size.shape[1])
+    return np.array([max(size[k[j], j], closer[:, j, j].max()) for j in joints])
 
 
 def _crossings(
-    at: FloatArray, values: FloatArray, function: Callable[[FloatArray], FloatArray]
-) -> FloatArray:
-    """Return the sign changes of a function between the points ``at``.
+    at: FloatArray, values: FloatArray, function: Callable[[FloatArray, IntArray], FloatArray]
+) -> tuple[FloatArray, IntArray]:
+    """Return the sign changes of functions between the points ``at`` (f,), and their columns.
 
-    By the Illinois method (Dowell and Jarratt 1971), and every third step by bisection, because a
-    secant approaches a pole slowly.
+    ``values`` (f, columns) are those of the functions at the points. By the Illinois method (Dowell
+    and Jarratt 1971), and every third step by bisection, because a secant approaches a pole slowly.
     """
-    rising = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+    rising, column = np.nonzero(values[:-1] * values[1:] < 0.0)
     before, last = at[rising], at[rising + 1]
-    old, new = values[rising], values[rising + 1]
+    old, new = values[rising, column], values[rising + 1, column]
     todo = np.arange(rising.size)
     for step in range(_STEPS):
         if not todo.size:
@@ -370,14 +388,14 @@ def _crossings(
         low, high, f_low, f_high = before[todo], last[todo], old[todo], new[todo]
         share = f_high / (f_high - f_low) if step % 3 < 2 else 0.5
         place = high - share * (high - low)
-        value = function(place)
+        value = function(place, column[todo])
         crossed = value * f_high < 0.0
         before[todo] = np.where(crossed, high, low)
         old[todo] = np.where(crossed, f_high, 0.5 * f_low)
         last[todo], new[todo] = place, value
         apart = np.minimum(np.abs(place - high), np.abs(place - before[todo]))
         todo = todo[(value != 0.0) & (apart > _CLOSE * place)]
-    return last
+    return last, column
 
 
 def frequency_grid(loop: SampledLoop) -> FloatArray:

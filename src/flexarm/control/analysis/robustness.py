@@ -23,7 +23,7 @@ from flexarm.control.analysis.margins import (
     plants_of,
     without_friction,
 )
-from flexarm.control.analysis.sampled_loop import ComplexArray, SampledLoop, response
+from flexarm.control.analysis.sampled_loop import ComplexArray, Response, SampledLoop
 from flexarm.control.analysis.structured import structured_bound
 from flexarm.control.contract.base import Controller, Reference, check_reference
 from flexarm.control.hardware.measurement import FloatArray
@@ -256,7 +256,7 @@ class SampledModel:
         """
         omega = check_frequencies(omega)
         z = np.exp(1j * self.sample_time * np.atleast_1d(omega))
-        values = (response(self.A, self.B, self.C, z) + self.D).astype(np.complex128)
+        values = (Response(self.A, self.B, self.C)(z) + self.D).astype(np.complex128)
         return values if omega.ndim else values[0]
 
     @public_call

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexarm.base.arguments import library_missing
 from flexarm.base.errors import InputError, Problem
-from flexarm.control.analysis.sampled_loop import ComplexArray, response
+from flexarm.control.analysis.sampled_loop import ComplexArray, Response
 from flexarm.control.design.loop_shaping import Matrices, in_series
 from flexarm.control.hardware.measurement import FloatArray
 
@@ -176,7 +176,7 @@ def dk_iteration(
 
 def closed_loop(plant: Matrices, size: int, K: Matrices, omega: FloatArray) -> ComplexArray:
     """Return the response (f, size, size) of a plant with the controller u = K v; from w to z."""
-    P, k = (response(A, B, C, 1j * omega) + D for A, B, C, D in (plant, K))
+    P, k = (Response(A, B, C)(1j * omega) + D for A, B, C, D in (plant, K))
     inner = np.linalg.solve(np.eye(P.shape[1] - size) - P[:, size:, size:] @ k, P[:, size:, :size])
     return np.asarray(P[:, :size, :size] + P[:, :size, size:] @ k @ inner)
 

@@ -433,14 +433,15 @@ class Loops:
                     self.error = str(error)
         best: Assessed | None = None
         for one, loops in sorted(found, key=lambda pair: pair[0].margins["growth"]):
-            worst = dict.fromkeys(_UNSTABLE, np.inf) if loops else {}
+            # Margins that are not known yet may be as large as possible.
+            one.margins.update(dict.fromkeys(_UNSTABLE, np.inf) if loops else {})
             for loop in loops:
-                gain, _, phase, late, disk = margins_at(loop)
-                of_loop = dict(zip(_UNSTABLE, (disk, gain, phase, late), strict=True))
-                worst = {name: min(worst[name], float(np.min(of_loop[name]))) for name in worst}
-                one.margins.update(worst)
                 if best and one.value <= best.value:
                     break
+                gain, _, phase, late, disk = margins_at(loop)
+                of_loop = dict(zip(_UNSTABLE, (disk, gain, phase, late), strict=True))
+                worst = {name: min(one.margins[name], np.min(of_loop[name])) for name in of_loop}
+                one.margins.update({name: float(value) for name, value in worst.items()})
             if best is None or one.value > best.value:
                 best = one
             if all(best.value[:2]):
