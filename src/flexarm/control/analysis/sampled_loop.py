@@ -24,7 +24,7 @@ from flexarm.control.contract.base import Controller, Reference, around
 from flexarm.control.design.linear_design import held
 from flexarm.control.design.minimal import MinimalCoordinates
 from flexarm.control.hardware.measurement import FloatArray, faulty, filter_of, stride_and_delay
-from flexarm.linear.models.state_space import OutputName, component_places, solved_each
+from flexarm.linear.models.state_space import OutputName, component_places
 from flexarm.model import Contact, Hardware, Instrument, InstrumentFault, Motors, Sensor
 
 #: Largest number of states, and largest period (samples) after which all instruments repeat.
