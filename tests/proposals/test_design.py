@@ -216,7 +216,7 @@ def test_loops_near_instability_or_without_damping_are_refused():
             {"poor": poor, "sound": assessed(needs, 0.1, -1.0)},
             scores(poor=[1e-3], sound=[1.0]),
         )
-        assert _chosen(found, errors) == "sound"
+        assert _chosen(needs, found, errors) == "sound"
     assert "does not complete" in _refusal(needs, {"only": sound}, scores(only=[np.nan]), "only")
 
 
@@ -347,10 +347,17 @@ def test_a_stable_candidate_is_proposed_before_an_unstable_one_with_less_error()
     needs = needs_of(one_link(), "hold")
     found = {"unstable": assessed(needs, 0.0, 3.0), "stable": assessed(needs, 0.2, -1.0)}
     table = scores(unstable=[1e-3], stable=[5e-3])
-    assert _chosen(found, table) == "stable"
+    assert _chosen(needs, found, table) == "stable"
     found["margin"] = assessed(needs, 0.5, -1.0)
     table = scores(unstable=[1e-3], stable=[5e-3], margin=[9e-3])
-    assert _chosen(found, table) == "margin"
+    assert _chosen(needs, found, table) == "margin"
+
+
+def test_of_errors_that_no_run_resolves_the_simplest_candidate_is_proposed():
+    needs = needs_of(one_link(), "hold")  # a reach of 0.8 m
+    found = {name: assessed(needs, 0.5, -1.0) for name in ("rich", "simple")}
+    assert _chosen(needs, found, scores(rich=[1e-7], simple=[7e-6])) == "simple"
+    assert _chosen(needs, found, scores(rich=[1e-7], simple=[9e-6])) == "rich"
 
 
 def test_a_proposal_that_is_not_stable_is_reported_first(monkeypatch, tmp_path):

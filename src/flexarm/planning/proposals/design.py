@@ -165,9 +165,10 @@ def design(
     the hardware at the start, in the middle and at the end of the motion, for the arm and for arms
     that differ from it as far as the uncertainty permits. The setting with the required margin and
     the fastest decay is simulated on the arm and on two others; the candidate with the least error
-    in the worst case is proposed. Refused are loops that are unstable, also with twice
-    the delay of the hardware, whose slowest vibration has a damping ratio below 0.02, or that need
-    more than 20 periods of the lowest frequency until an error has fallen to a hundredth.
+    in the worst case is proposed, of errors below 1e-5 of the reach the simplest one. Refused are
+    loops that are unstable, also with twice the delay of the hardware, whose slowest vibration has
+    a damping ratio below 0.02, or that need more than 20 periods of the lowest frequency until an
+    error has fallen to a hundredth.
     Under gravity all candidates have integral feedback and follow a reference of the bent arm.
 
     Args:
@@ -229,7 +230,7 @@ def design(
         raise InputError(Problem("task", rule, hint=f"{hint} {' '.join(errors.values())}"))
     _wait_until_settled(content, found)
     table = _table(needs, content, found, progress)
-    chosen = _chosen(found, table)
+    chosen = _chosen(needs, found, table)
     lacking = _lacking(needs, found, candidates)
     refusal = _refusal(needs, found, table, chosen, lacking)
     reasons = (*reasons_of(needs, candidates, found, table, chosen), *errors.values())
@@ -351,10 +352,15 @@ def _wait_until_settled(content: dict[str, Any], found: Mapping[str, Assessed]) 
         }
 
 
-def _chosen(found: Mapping[str, Assessed], table: xr.Dataset) -> str:
-    """Return the candidate of least worst error, with the margin or stable on all arms first."""
-    worst = table["score"].fillna(np.inf).max("plant")
-    return min(found, key=lambda name: (_rank(found[name]), worst.sel(candidate=name)))
+def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset) -> str:
+    """Return the candidate of least worst error, with the margin or stable on all arms first.
+
+    Of errors that the simulation does not resolve, the simplest candidate, which is the last one.
+    """
+    resolved = 0.0 if needs.task == "force" else _RESOLVED * needs.arm.reach
+    worst = table["score"].fillna(np.inf).max("plant").clip(min=resolved)
+    names = reversed(list(found))
+    return min(names, key=lambda name: (_rank(found[name]), float(worst.sel(candidate=name))))
 
 
 def _rank(one: Assessed) -> tuple[bool, ...]:
@@ -391,6 +397,8 @@ _DISTURBED = 0.01
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
 #: Time after the motion in time constants of the slowest pole of a loop.
 _SETTLED = 10.0
+#: Error of the tip, relative to the reach, that a run by default does not resolve.
+_RESOLVED = 1e-5
 #: Share of a run with a motor at its limit above which the reasons mention it.
 _LIMITED = 0.1
 #: Recorded samples in a period of the lowest frequency.
