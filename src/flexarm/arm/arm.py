@@ -35,9 +35,8 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.base.notebook import html_table
-from flexarm.kernels.compilation.cache import Entry
 from flexarm.kernels.layout import Stations
-from flexarm.kernels.observation.observables import energies, poses
+from flexarm.kernels.observation.observables import POSE_COLUMNS, energies, poses, poses_many
 from flexarm.kernels.observation.shapes import axis_points, gauge_strains
 from flexarm.model import ArmSpec, Contact, Friction, Load, load_arm_spec, save_arm_spec
 from flexarm.model.arm.spec import varied_spec
@@ -119,7 +118,7 @@ class Arm(Dynamics):
             if coarse:
                 warn_caller(" ".join(coarse), AccuracyWarning)
         self._cuts: tuple[Cut, ...] = ()
-        self._placed: tuple[int, Stations] | None = None
+        self._placed: dict[int, Stations] = {}
 
     def rigid(self) -> Arm:
         """Return the rigid model: the same masses and inertias, no bending, no elastic joints."""
@@ -341,28 +340,31 @@ def varied(
     return changed
 
 
+#: Divisions of the links whose stations an arm keeps, and samples whose shapes one call computes.
+_KEPT, _TOGETHER = 8, 64
+
+
 def shapes_along(arm: Arm, q: FloatArray, stations: int) -> FloatArray:
     """Return the points of `Arm.shape` for samples q (samples, dof), without checks of their form:
     (samples, links, stations, 2) m."""
-    # Keep the stations, because frames of an animation share them.
-    kept = arm._placed
-    if kept is None or kept[0] != stations:
-        kept = stations, place_stations(arm, stations)
-        if stations <= MOST_STATIONS:  # more would occupy much memory
-            arm._placed = kept
-    placed = kept[1]
+    # Keep the stations, because frames and paths of an animation share them.
+    placed = arm._placed.get(stations) or place_stations(arm, stations)
+    if stations <= MOST_STATIONS and len(arm._placed) < _KEPT:  # more would occupy much memory
+        arm._placed[stations] = placed
     states = arm.padded(np.stack([q, np.zeros_like(q)], axis=1))
-    kernels, entry = arm._kernels.take(), Entry(axis_points)
-    body_poses, tip = kernels.pose_arrays()
-    state, points = np.zeros(states.shape[1:]), np.zeros((arm.n_links * stations, 2))
-    parts = (placed.body, placed.x, placed.rows, placed.shortening)
-    shapes = np.empty((len(q), *points.shape))
-    for k in range(len(q)):  # in the same arrays, whose addresses the entry points keep
-        state[:] = states[k]
-        kernels.call(poses, state, body_poses, tip)
-        entry(arm.assembly.sizes, state, body_poses, *parts, points)
-        shapes[k] = points
-    arm._kernels.append(kernels)
+    sizes, body_poses = arm.assembly.sizes, np.empty((len(q), arm.assembly.bodies, POSE_COLUMNS))
+    poses_many(sizes, arm.assembly.run_constants, states, body_poses, np.empty((len(q), 6)))
+    # The bodies of several samples, as if they were those of one arm, because one call is quicker.
+    several = max(1, min(len(q), _TOGETHER))
+    bodies = (arm.assembly.bodies * np.arange(several)[:, None] + placed.body).ravel()
+    at = [np.concatenate([part] * several) for part in (placed.x, placed.rows, placed.shortening)]
+    shapes = np.empty((len(q), arm.n_links * stations, 2))
+    for first in range(0, len(q), several):
+        state = np.concatenate(states[first : first + several], axis=1)
+        points = shapes[first : first + several].reshape(-1, 2)
+        x, rows, shortening = (part[: len(points)] for part in at)
+        body = np.concatenate(body_poses[first : first + several])
+        axis_points(sizes, state, body, bodies[: len(points)], x, rows, shortening, points)
     return check_result(shapes, q).reshape(len(q), arm.n_links, stations, 2)
 
 

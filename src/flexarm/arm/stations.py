@@ -51,12 +51,12 @@ def place_stations(arm: Coordinates, count: int) -> layout.Stations:
         shortening=np.zeros((total, g, g)),
     )
     for i, link in enumerate(arm.spec.links):
-        own, slack = arm.assembly.pieces_of(i), SAME_PLACE * link.length
-        for row, station in enumerate(np.linspace(0.0, link.length, count), i * count):
-            ends = (p for p in own if p.start + p.shapes.length >= station - slack)
-            piece = next(ends, own[-1])
-            placed.body[row] = piece.body
-            placed.x[row] = np.clip(station - piece.start, 0.0, piece.shapes.length)
+        pieces, stations = arm.assembly.pieces_of(i), np.linspace(0.0, link.length, count)
+        starts, lengths = np.array([(p.start, p.shapes.length) for p in pieces]).T
+        first = np.searchsorted(starts + lengths, stations - SAME_PLACE * link.length)
+        chosen, link_rows = np.minimum(first, len(pieces) - 1), slice(i * count, (i + 1) * count)
+        placed.body[link_rows] = np.array([p.body for p in pieces])[chosen]
+        placed.x[link_rows] = np.clip(stations - starts[chosen], 0.0, lengths[chosen])
     for piece in arm.assembly.pieces:
         here, k = np.flatnonzero(placed.body == piece.body), piece.shapes.w2.size
         if k and here.size:

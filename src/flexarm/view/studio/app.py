@@ -252,8 +252,8 @@ class _Window:
         self._margins_key = f"{self.key} margins"
         # Numbers of pictures: the last request, the one shown, the oldest that may be shown.
         self._newest = self._shown = self._oldest = 0
-        self._requested: Project | None = None
-        self._pictured: Project | None = None
+        self._requested: Request | None = None
+        self._pictured: Request | None = None
         self._seconds = 0.0
         self._arms: dict[str, ArmSpec] = {}  # of the opened files, which scenarios may name
         self._loop = asyncio.get_running_loop()
@@ -412,7 +412,7 @@ class _Window:
         project = self._edited(path, value)
         if project is not None:
             self._panel.explain(path, "")
-            self._ask(project)
+            self._ask(Request(project, "preview"))
 
     def _commit(self, path: Path, value: Any) -> None:
         project = self._edited(path, value)
@@ -457,19 +457,18 @@ class _Window:
 
     # Requests and answers.
 
-    def _ask(self, project: Project) -> None:
-        """Compute the picture of a project, unless it is shown or was requested last."""
-        if project == self._requested:
+    def _ask(self, request: Request) -> None:
+        """Compute a picture or a preview, unless it is shown or was requested last."""
+        if request == self._requested:
             return
-        self._requested = project
+        self._requested = request
         self._worker.forget(self._margins_key)
         _mark(self._of_the_loop, add="waiting")
-        if project == self._pictured:
+        if request == self._pictured:
             self._worker.forget(self.key)
             self._oldest = self._newest + 1  # pictures on their way are of other projects
             self._be_current()
             return
-        request = Request(project)
         self._newest = self._worker.submit(self.key, request, self._deliver(request))
         _mark(self._of_the_run, add="waiting")
         self._status.set_text("computing …")
@@ -479,13 +478,13 @@ class _Window:
         project = self.history.now
         points = json.dumps([(path_text(path), name, at) for path, name, at in points_of(project)])
         self._client.run_javascript(f"flexarmStudio.points({points})")
-        self._ask(project)
-        if project == self._pictured and self.latest is not None:
-            # The last value of a slider that moved: its picture is shown already.
+        picture, margins = Request(project), Request(project, "margins")
+        self._ask(picture)
+        if picture == self._pictured and self.latest is not None:
+            # It arrived while another state was current.
             self.latest = (self.latest[0], True, self.latest[2])
             self._client.run_javascript(f"flexarmStudio.show('{self.key}')")
-        request = Request(project, "margins")
-        self._worker.submit(self._margins_key, request, self._deliver(request), after=self.key)
+        self._worker.submit(self._margins_key, margins, self._deliver(margins), after=self.key)
 
     def _deliver(self, request: Request) -> Callable[[int, Any], None]:
         def deliver(number: int, part: Part) -> None:
@@ -518,10 +517,11 @@ class _Window:
                 self._show_failure(part)
 
     def _show_picture(self, request: Request, number: int, part: Picture) -> None:
-        self._shown, self._pictured = number, request.project
-        self.latest = (number, request.project == self.history.now, part.data)
+        self._shown, self._pictured = number, request
+        self.latest = (number, request == Request(self.history.now), part.data)
         self._client.run_javascript(f"flexarmStudio.show('{self.key}')")
-        _fill(self._warnings, "\n".join(f"Warning: {text}" for text in part.warnings))
+        if request.purpose == "picture":
+            _fill(self._warnings, "\n".join(f"Warning: {text}" for text in part.warnings))
         listed = ", ".join(f"{frequency:.4g}" for frequency in part.frequencies)
         self._frequencies.set_text(f"{listed} Hz" if listed else "none: all links are rigid")
         self._first.set_visibility(False)
@@ -533,13 +533,17 @@ class _Window:
 
     def _be_current(self) -> None:
         """Show that the picture is that of the newest request."""
+        assert self._pictured is not None
+        preview = self._pictured.purpose == "preview"
         _fill(self._failure, "")
         _mark(self._of_the_run, remove="waiting old")
-        self._status.set_text(f"computed in {1e3 * self._seconds:.0f} ms")
+        _mark([self._warnings] * preview, add="waiting")  # those of the last complete run
+        name = "preview" if preview else "computed"
+        self._status.set_text(f"{name} in {1e3 * self._seconds:.0f} ms")
 
     def _without(self, failure: Failure) -> Margins:
         """Return what is shown in place of margins; the picture may report the same failure."""
-        cause = f": {_text_of(failure)}" if self.history.now == self._pictured else "."
+        cause = f": {_text_of(failure)}" if Request(self.history.now) == self._pictured else "."
         return Margins((), f"Margins are not computed{cause}")
 
     def _show_margins(self, part: Margins) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Iterator
@@ -20,6 +21,7 @@ from flexarm.control.analysis.margins import loop_margins
 from flexarm.linear import modes
 from flexarm.model import PlantSpec
 from flexarm.model.plausible import implausible
+from flexarm.model.scenarios.scenario import RunSpec
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.metrics import METRICS, metrics_of
 from flexarm.view.plot.animation.scene import SceneOptions, player_data, scene_of, thin
@@ -32,6 +34,9 @@ if TYPE_CHECKING:
 
 #: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.
 _MOST_COORDINATES, _INTERVALS = 47_000, 200
+#: Of a preview: coordinates of all frames, samples, and tolerances, whose error of the tip is below
+#: 1e-3 of the reach, a quarter of a pixel.
+_PREVIEW_COORDINATES, _PREVIEW_SAMPLES, _PREVIEW_RTOL = 20_000, 300, 1e-3
 _MOST_ARROWS = 8
 _MOST_FREQUENCIES = 6
 
@@ -45,7 +50,8 @@ class Request:
     """Work for the computing process: what to simulate, and for what purpose."""
 
     project: Project
-    purpose: Literal["picture", "margins", "report"] = "picture"
+    #: A preview is the picture of a coarser run, without warnings, while a slider moves.
+    purpose: Literal["picture", "preview", "margins", "report"] = "picture"
 
 
 @dataclass(frozen=True)
@@ -103,11 +109,16 @@ def _part(request: Request) -> Part:
         return _margins(prepared, plant)
     if request.purpose == "report":
         return Report(report(_run(project), title=project.name, rigid=True))
+    preview = request.purpose == "preview"
     sides = dict(zip(_names(project), project.sides, strict=True))
-    results = {name: _run(side) for name, side in sides.items()}
+    coarse = _coarse(project.scenario.run) if preview else {}
+    results = {name: _run(side, **coarse) for name, side in sides.items()}
     arm = plant or prepared.arm
-    first, most = next(iter(results.values())), _MOST_COORDINATES // len(results)
-    times, fps, speed = clock(first, arm.n_links, most)
+    first, most = (
+        next(iter(results.values())),
+        _PREVIEW_COORDINATES if preview else _MOST_COORDINATES,
+    )
+    times, fps, speed = clock(first, arm.n_links, most // len(results))
     contacts = prepared.options.get("contacts", ())
     drawn = [(arm, result, bool(contacts)) for result in results.values()]
     factor, scenes = factor_of("auto", drawn), []
@@ -127,8 +138,8 @@ def _part(request: Request) -> Part:
         scenes.append(scene_of(name, arm, result, times, options, thinned))
     data = orjson.dumps(player_data(scenes, fps, speed), option=orjson.OPT_SERIALIZE_NUMPY)
     frequencies = modes(arm, prepared.arm.joint_angles(prepared.options["initial"])).frequency_hz
-    texts = [*implausible(arm.spec)]
-    for name, result in results.items():
+    texts = [] if preview else [*implausible(arm.spec)]
+    for name, result in {} if preview else results.items():
         own = (*_prepared(sides[name])[0].implausible(), *warnings_of(result))
         texts += [f"{name}: {text}" if name else text for text in own]
     lowest = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
@@ -144,11 +155,18 @@ def _names(project: Project) -> list[str]:
     return [first, f"{other}, beside" if first == other else other]
 
 
-def _run(project: Project) -> xr.Dataset:
+def _coarse(run: RunSpec) -> dict[str, Any]:
+    """Return the settings of the run of a preview: fewer samples, larger tolerances."""
+    every = math.ceil(run.rate * run.duration / _PREVIEW_SAMPLES)
+    return {"rate": run.rate / every, "accuracy": None, "rtol": max(_PREVIEW_RTOL, run.rtol or 0.0)}
+
+
+def _run(project: Project, **more: Any) -> xr.Dataset:
     """Simulate what a project shows."""
     prepared, plant = _prepared(project)
     own = project.plant or PlantSpec()
-    more: dict[str, Any] = {"hardware": own.hardware} if own.hardware is not None else {}
+    if own.hardware is not None:
+        more["hardware"] = own.hardware
     return prepared.run(plant=plant, loads=own.loads, changes=own.changes, progress=False, **more)
 
 

@@ -15,7 +15,7 @@ from base64 import b64decode, urlsafe_b64encode
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import count, zip_longest
 from pathlib import Path as FilePath
 from typing import Any
@@ -440,6 +440,7 @@ def _rebuilt(record: Scenario | StudySpec, order: list[int]) -> Scenario | Study
     raise refusals[0]
 
 
+@lru_cache(maxsize=2)  # the record before the edits of a slider is the same for all
 def _with_starting_gains(record: Scenario) -> Scenario:
     drive = _scalars(record.drive) | starts.drive_of_kind(record, record.drive.kind)
     return record.replace(drive=drive)

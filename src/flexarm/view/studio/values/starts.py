@@ -369,7 +369,11 @@ class _Design:
     """What starting gains depend on: the arm, and the ends of its motion."""
 
     scenario: Scenario
-    arm: Arm
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The arm, created when the kind of drive depends on it."""
+        return Arm(self.scenario.arm)
 
     @cached_property
     def ends(self) -> tuple[FloatArray, FloatArray]:
@@ -495,7 +499,7 @@ def drive_of_kind(scenario: Scenario, kind: str) -> dict[str, Any]:
     content: dict[str, Any] = {"kind": kind}
     if kind not in records:
         return content
-    of = _Design(scenario, Arm(scenario.arm))
+    of = _Design(scenario)
     if records[kind] is TorqueDrive:
         return content | _sampled(of)
     for name, field in records[kind].model_fields.items():
