@@ -2,6 +2,10 @@
 
 A card is a script in ``gallery/cards``: its docstring has a title, a sentence, and a link to read
 on; its code simulates ``arm``, and its last expression is an animation. The page shows the code.
+
+``src/flexarm/library/cards`` has the same runs as files of scenarios or studies, which the studio
+offers: their head and their arm are written here, their other keys by hand. Some runs cannot be
+written in a file, and their cards have a file of the arm.
 """
 
 from __future__ import annotations
@@ -10,6 +14,7 @@ import ast
 import contextlib
 import os
 import re
+import shutil
 import tempfile
 import warnings
 from collections.abc import Sequence
@@ -21,6 +26,7 @@ from gallery.moving_svg import svg
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS, FOLDER = ROOT / "gallery" / "cards", ROOT / "docs" / "cards"
+FILES = ROOT / "src" / "flexarm" / "library" / "cards"
 ENTRY, OVERVIEW = ROOT / "docs" / "index.md", ROOT / "docs" / "images" / "cards.svg"
 #: Names of the scripts, in the order of the entry page.
 NAMES = (
@@ -44,9 +50,10 @@ _PAGE = """# {title}
 {code}
 ```
 
-The file [{name}.yaml]({name}.yaml) contains the arm. `flexarm studio {name}.yaml` opens it in the
-[studio](../how-to/studio.md). Read on: {more}. [All cards](../index.md)
+The file [{name}.yaml]({name}.yaml) contains the {content}. `flexarm studio {name}.yaml` opens it
+in the [studio](../how-to/studio.md){menu}. Read on: {more}. [All cards](../index.md)
 """
+_MENU = ", whose menu *New* offers it"
 
 
 @dataclass(frozen=True)
@@ -76,30 +83,47 @@ def card(name: str) -> Card:
 CARDS = tuple(map(card, NAMES))
 
 
-def run(shown: Card, folder: Path) -> None:
-    """Run the script of a card, and write its picture and its arm into a folder."""
+def file_text(shown: Card, arm: str) -> str:
+    """Return the file of a card: that of the package with another arm, or that of the arm alone."""
+    stored = FILES / f"{shown.name}.yaml"
+    if not stored.exists():
+        return arm
+    rest = re.split(r"^arm:\n(?:[ -].*\n)*", stored.read_text(encoding="utf-8"), flags=re.M)[1]
+    return f"# {shown.title}: {shown.sentence}\n{arm}{rest}"
+
+
+def run(shown: Card, folder: Path) -> dict[str, object]:
+    """Run the script of a card, and write its picture and its file into a folder.
+
+    Returns the variables of the script.
+    """
     scope: dict[str, object] = {"__name__": "__main__"}
     *statements, last = ast.parse(shown.code).body
     assert isinstance(last, ast.Expr)
-    file = f"{shown.name}.py"
+    script = f"{shown.name}.py"
     with (
         tempfile.TemporaryDirectory() as elsewhere,
         contextlib.chdir(elsewhere),
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("error", fa.FlexarmWarning)
-        exec(compile(ast.Module(statements, []), file, "exec"), scope)
-        animation = eval(compile(ast.Expression(last.value), file, "eval"), scope)
+        exec(compile(ast.Module(statements, []), script, "exec"), scope)
+        animation = eval(compile(ast.Expression(last.value), script, "eval"), scope)
     arm = scope["arm"]
     assert isinstance(arm, fa.Arm)
-    fa.save_arm(arm, folder / f"{shown.name}.yaml")
+    file = folder / f"{shown.name}.yaml"
+    fa.save_arm(arm, file)
+    file.write_text(file_text(shown, file.read_text(encoding="utf-8")), encoding="utf-8")
     text = svg(animation.scenes, animation.fps, animation.speed, WIDTH)
     (folder / f"{shown.name}.svg").write_text(text, encoding="utf-8")
+    return scope
 
 
 def page_text(shown: Card) -> str:
     """Return the page of a card."""
-    return _PAGE.format(**vars(shown))
+    offered = (FILES / f"{shown.name}.yaml").exists()
+    content, menu = ("run", _MENU) if offered else ("arm", "")
+    return _PAGE.format(**vars(shown), content=content, menu=menu)
 
 
 def table(cards: Sequence[Card] = CARDS) -> str:
@@ -146,6 +170,8 @@ def write(names: Sequence[str]) -> None:
     for shown in CARDS:
         if not names or shown.name in names:
             run(shown, FOLDER)
+            if (stored := FILES / f"{shown.name}.yaml").exists():
+                shutil.copy(FOLDER / stored.name, stored)
             size = os.path.getsize(FOLDER / f"{shown.name}.svg")
             print(f"{shown.name}: {size / 1e3:.0f} kB")
         (FOLDER / f"{shown.name}.md").write_text(page_text(shown), encoding="utf-8")

@@ -84,7 +84,11 @@ def test_wheel_contains_the_package_only(wheel: Path) -> None:
     expected = {str(p.relative_to(source).as_posix()) for p in files if p.suffix != ".pyc"}
     brought = {name for name in names if "/machine_code/" in name}
     assert names - information - brought == {n for n in expected if "/machine_code/" not in n}
-    assert {"flexarm/py.typed", "flexarm/library/paper.yaml"} <= names
+    assert {
+        "flexarm/py.typed",
+        "flexarm/library/paper.yaml",
+        "flexarm/library/cards/whip.yaml",
+    } <= names
     assert not [name for name in names if "test" in name.partition("/")[0]]
     assert {"METADATA", "WHEEL", "entry_points.txt", "LICENSE"} <= {
         name.rpartition("/")[2] for name in information

@@ -41,6 +41,7 @@ from flexarm.view.studio.state import (
     PRESETS,
     History,
     Project,
+    cards,
     link_of,
     open_bytes,
     open_link,
@@ -202,6 +203,7 @@ def _run(host: str, port: int, first: str) -> None:
         host=host,
         port=port,
         title="flexarm studio",
+        dark=None,  # as the system
         show=f"/?token={first}" if first else False,
         reload=False,
         tailwind=False,
@@ -290,6 +292,10 @@ class _Window:
             with _button("New", "Start with another arm"), ui.menu():
                 for name, make in PRESETS.items():
                     ui.menu_item(_sentence(name), lambda make=make: self._put(make()))
+                ui.separator()
+                for title, sentence, make in cards():
+                    with ui.menu_item(title, lambda make=make: self._put(make())):
+                        ui.label(sentence).classes("caption")
             _button("Open", "Open an arm, scenario or study file").on("click", js_handler=pick)
             with _button("Save", "Save a file"), ui.menu():
                 for kind in ("model", "scenario", "study"):
@@ -304,6 +310,8 @@ class _Window:
             self._redo = _button("Redo", "Redo (Ctrl+Y)", self.redo).classes("redo")
             screen = ui.fullscreen(on_value_change=lambda event: self._enlarge(event.value))
             _button("Lecture", "Full screen with large type; Esc ends it").on_click(screen.enter)
+            scheme = _button("Dark", "Dark or light; this browser keeps the choice")
+            scheme.on("click", js_handler="() => flexarmStudio.toggleDark()")
             self._status = ui.label().classes("status").props("role=status")
 
     async def _open(self, event: UploadEventArguments) -> None:

@@ -15,7 +15,8 @@ from base64 import b64decode, urlsafe_b64encode
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
+from importlib.resources import files
 from itertools import count, zip_longest
 from pathlib import Path as FilePath
 from typing import Any
@@ -507,6 +508,26 @@ PRESETS: dict[str, Callable[[], Project]] = {
         for kind, text in TEMPLATES.items()
     },
 }
+
+
+@cache
+def cards() -> list[tuple[str, str, Callable[[], Project]]]:
+    """Return title, sentence and project of each card of the gallery, from its file."""
+    entries = []
+    for path in sorted(
+        (files("flexarm") / "library" / "cards").iterdir(), key=lambda path: path.name
+    ):
+        text = path.read_text(encoding="utf-8")
+        title, sentence = text.splitlines()[0].removeprefix("# ").split(": ", 1)
+        entries.append((title, sentence, partial(_card, text, path.name)))
+    return entries
+
+
+def _card(text: str, file: str) -> Project:
+    """Return the project of a card; the second drive of a study is shown beside the first."""
+    project = open_bytes(text.encode(), file)
+    drives = list(getattr(project.record, "drives", {}).values())
+    return replace(project, beside=drives[1]) if drives else project
 
 
 def link_of(project: Project) -> str:

@@ -100,8 +100,22 @@ window.flexarmStudio = (function () {
   }
   window.addEventListener("resize", () => requestAnimationFrame(placeHandles)); // drawn by then
 
+  // Dark or light as the system, unless the user has chosen the other one, in this browser.
+  const DARK = "flexarm-studio-dark";
+  function setDark(chosen) {
+    Quasar.Dark.set(chosen === null ? "auto" : chosen === "true");
+    window.dispatchEvent(new Event("resize")); // draws the canvases
+  }
+  function toggleDark() {
+    const dark = !Quasar.Dark.isActive;
+    if (dark === window.matchMedia("(prefers-color-scheme: dark)").matches) localStorage.removeItem(DARK);
+    else localStorage.setItem(DARK, dark);
+    setDark(localStorage.getItem(DARK));
+  }
+
   // A link to a state is opened once; reloading the page keeps the state.
   function follow() {
+    setDark(localStorage.getItem(DARK));
     if (location.hash.length < 2) return;
     emitEvent("studio_link", location.hash.slice(1));
     history.replaceState({}, "", location.pathname);
@@ -147,5 +161,5 @@ window.flexarmStudio = (function () {
     event.preventDefault();
     document.querySelector("." + name).click();
   });
-  return { show, focus, follow, points: setPoints };
+  return { show, focus, follow, toggleDark, points: setPoints };
 })();

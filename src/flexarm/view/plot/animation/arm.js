@@ -55,8 +55,8 @@ function drawArm(scene, canvas, middle, half, frame, span) {
     for (const arrow of pose.arrows) line(draw, arrow, toX, toY, PURPLE, 2.2);
     entries.push(["torque", PURPLE]);
   }
-  for (const [px, py] of pose.joints) dot(draw, toX(px), toY(py), 4, "white", INK);
-  dot(draw, toX(tip[0]), toY(tip[1]), scene.payload ? 6 : 2.5, scene.payload ? ORANGE : INK);
+  for (const [px, py] of pose.joints) dot(draw, toX(px), toY(py), 4, PAPER, INK);
+  dot(draw, toX(tip[0]), toY(tip[1]), scene.payload ? 6 : 2.5, scene.payload ? ORANGE : INK, INK);
   if (scene.goal) {
     const [gx, gy] = [toX(scene.goal[frame][0]), toY(scene.goal[frame][1])];
     line(draw, [[gx - 4, gy - 4], [gx + 4, gy + 4]], (v) => v, (v) => v, GREEN, 1.5);
@@ -83,7 +83,7 @@ function drawSurroundings(draw, scene, toX, toY, side) {
     line(draw, course, toX, toY, INK, 1.5);
   }
   const foot = 0.028 * side;
-  draw.fillStyle = "#BFBFBF";
+  draw.fillStyle = FOOT;
   for (const [px, py] of scene.feet) {
     draw.beginPath();
     draw.moveTo(toX(px), toY(py)); draw.lineTo(toX(px) - foot, toY(py) + 1.4 * foot);
@@ -93,8 +93,8 @@ function drawSurroundings(draw, scene, toX, toY, side) {
 
 function drawLinks(draw, scene, pose, frame, toX, toY, scale) {
   draw.lineCap = "round";
-  for (const rail of pose.rails) line(draw, rail, toX, toY, "#8C8C8C", 1.5);
-  if (scene.body) line(draw, scene.body[frame], toX, toY, "#8C8C8C", 9);
+  for (const rail of pose.rails) line(draw, rail, toX, toY, GREY, 1.5);
+  if (scene.body) line(draw, scene.body[frame], toX, toY, GREY, 9);
   pose.links.forEach((link, k) => {
     line(draw, link, toX, toY, scene.bends[k] ? BLUE : INK, Math.max(4, scale * scene.depths[k]));
   });

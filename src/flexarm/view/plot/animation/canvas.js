@@ -1,7 +1,11 @@
 // Colours, and what arms and histories have in common on their canvases.
+// Hues, which change towards that of the text until they are readable on the page.
 const BLUE = "#0072B2", VERMILLION = "#D55E00", GREEN = "#009E73", PURPLE = "#CC79A7";
-const SKY = "#9BD0F2", ORANGE = "#E69F00", INK = "#262626", GREY = "#8C8C8C", GRID = "#E3E3E3", SOLID = "#D9D9D9";
+const SKY = "#9BD0F2", ORANGE = "#E69F00", GREY = "#8C8C8C";
 const TRUE = "#A8A8A8"; // the true shape behind a magnified one
+let PAPER, INK, GRID, SOLID, FOOT; // of the style sheet, light or dark
+const CONTRAST = 3; // of lines on the page
+const readableHues = new Map();
 let printing = false; // whether the page is laid out for paper
 
 function add(parent, tag, name, text) {
@@ -10,6 +14,42 @@ function add(parent, tag, name, text) {
   if (text) made.textContent = text;
   parent.appendChild(made);
   return made;
+}
+
+const NAMES = ["paper", "ink", "grid", "solid", "foot"].map((name) => "--flexarm-" + name);
+for (const name of NAMES) {
+  // Registered as a colour, a pair of a light and a dark one has the value of the scheme.
+  try { CSS.registerProperty({ name, syntax: "<color>", inherits: true, initialValue: "black" }); } catch { /* is registered */ }
+}
+function readColours() {
+  const style = getComputedStyle(root);
+  const pair = /light-dark\((.*?),/; // a browser without schemes shows the light one
+  const colors = NAMES.map((name) => style.getPropertyValue(name).trim()).map((text) => (text.match(pair) || [text, text])[1]);
+  if (colors[0] !== PAPER) readableHues.clear();
+  [PAPER, INK, GRID, SOLID, FOOT] = colors;
+}
+
+function channels(color) {
+  if (color[0] === "#") return [1, 3, 5].map((k) => parseInt(color.slice(k, k + 2), 16));
+  return color.match(/[\d.]+/g).slice(0, 3).map(Number);
+}
+// Relative luminance of WCAG 2.
+function luminance(color) {
+  const [r, g, b] = channels(color).map((v) => (v <= 10 ? v / 3294.6 : Math.pow((v / 255 + 0.055) / 1.055, 2.4)));
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+}
+function readable(color) {
+  if (!readableHues.has(color)) {
+    const paper = luminance(PAPER) + 0.05, [from, to] = [channels(color), channels(INK)];
+    let mixed = color;
+    for (let part = 0; part <= 1; part += 0.05) {
+      mixed = "rgb(" + from.map((v, k) => Math.round(v + part * (to[k] - v))).join() + ")";
+      const other = luminance(mixed) + 0.05;
+      if (Math.max(paper / other, other / paper) >= CONTRAST) break;
+    }
+    readableHues.set(color, mixed);
+  }
+  return readableHues.get(color);
 }
 
 function ticks(low, high, most) {
@@ -80,7 +120,7 @@ function axes(draw, box, x, y, labelX, labelY, most) {
 }
 
 function line(draw, points, toX, toY, color, width, dash) {
-  draw.strokeStyle = color;
+  draw.strokeStyle = readable(color);
   draw.lineWidth = width;
   draw.setLineDash(dash || []);
   draw.beginPath();
@@ -97,7 +137,7 @@ function line(draw, points, toX, toY, color, width, dash) {
 function dot(draw, x, y, radius, fill, edge) {
   draw.beginPath();
   draw.arc(x, y, radius, 0, 2 * Math.PI);
-  draw.fillStyle = fill;
+  draw.fillStyle = edge ? fill : readable(fill);
   draw.fill();
   if (edge) { draw.strokeStyle = edge; draw.lineWidth = 1; draw.stroke(); }
 }

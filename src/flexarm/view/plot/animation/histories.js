@@ -74,7 +74,7 @@ function backdrop(history, labelled, span, width, height, ratio) {
 
 function drawHistory(history, labelled, canvas, now, zoom) {
   const [draw, width, height, ratio] = context(canvas);
-  const span = zoom || spanOf(history.time), key = [width, height, ratio, ...span].join();
+  const span = zoom || spanOf(history.time), key = [width, height, ratio, PAPER, ...span].join();
   if (canvas.key !== key) {
     canvas.key = key;
     canvas.still = backdrop(history, labelled, span, width, height, ratio);

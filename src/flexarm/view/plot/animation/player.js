@@ -110,7 +110,10 @@ if (timed.length) {
 
 function timeNow() { return Math.max(...data.scenes.map((scene) => scene.times[frame])); }
 
-function redraw() { for (const [, draw] of canvases) draw(); }
+function redraw() {
+  readColours();
+  for (const [, draw] of canvases) draw();
+}
 
 function show(k) {
   frame = Math.max(0, Math.min(frames - 1, k));
@@ -213,11 +216,13 @@ speeds.addEventListener("change", () => {
   rate = Number(speeds.value); began = performance.now(); beganAt = frame;
 });
 window.addEventListener("resize", redraw);
+window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
 // Paper gets a fixed width, so that text in the figures keeps its size.
 function layOut(paper) {
   printing = paper;
   root.className = "flexarm-player" + (paper ? " printing" : "");
+  root.style.colorScheme = paper ? "light" : "";
   redraw();
 }
 window.addEventListener("beforeprint", () => layOut(true));
