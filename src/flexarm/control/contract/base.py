@@ -460,7 +460,11 @@ class SampledFeedforward:
         self._values: FloatArray = np.zeros((0, 0))
 
     def __call__(self, t: float) -> FloatArray:
-        """Return the torques (joints,) N m at time t (s)."""
+        """Return the torques (joints,) N m at time t (s); a plan gives successive times (T,)."""
+        if np.ndim(t) and self._many:
+            self._first = round(t[0] / self._sample_time)  # type: ignore[index]
+            self._values = np.asarray(self._function(t + self._later))
+            return self._values
         k = round(t / self._sample_time)
         if not self._many or k < 0 or k * self._sample_time != t:
             return numbers(self._function(t + self._later))

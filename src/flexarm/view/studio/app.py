@@ -292,7 +292,7 @@ class _Window:
             with _button("New", "Start with another arm"), ui.menu():
                 for name, make in PRESETS.items():
                     ui.menu_item(_sentence(name), lambda make=make: self._put(make()))
-                ui.separator()
+                ui.menu_item("Cards of the gallery").props("disable")
                 for title, sentence, make in cards():
                     with ui.menu_item(title, lambda make=make: self._put(make())):
                         ui.label(sentence).classes("caption")

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 _MOST_COORDINATES, _INTERVALS = 47_000, 200
 #: Of a preview: coordinates of all frames, samples, and tolerances, whose error of the tip is below
 #: 1e-3 of the reach, a quarter of a pixel.
-_PREVIEW_COORDINATES, _PREVIEW_SAMPLES, _PREVIEW_RTOL = 20_000, 300, 1e-3
+_PREVIEW_COORDINATES, _PREVIEW_SAMPLES, _PREVIEW_RTOL = 20_000, 300, 1e-4
 _MOST_ARROWS = 8
 _MOST_FREQUENCIES = 6
 

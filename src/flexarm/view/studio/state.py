@@ -520,7 +520,7 @@ def cards() -> list[tuple[str, str, Callable[[], Project]]]:
         text = path.read_text(encoding="utf-8")
         title, sentence = text.splitlines()[0].removeprefix("# ").split(": ", 1)
         entries.append((title, sentence, partial(_card, text, path.name)))
-    return entries
+    return sorted(entries, key=lambda entry: entry[0])
 
 
 def _card(text: str, file: str) -> Project:

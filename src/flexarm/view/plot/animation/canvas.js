@@ -1,10 +1,9 @@
 // Colours, and what arms and histories have in common on their canvases.
 // Hues, which change towards that of the text until they are readable on the page.
 const BLUE = "#0072B2", VERMILLION = "#D55E00", GREEN = "#009E73", PURPLE = "#CC79A7";
-const SKY = "#9BD0F2", ORANGE = "#E69F00", GREY = "#8C8C8C";
+const SKY = "#5FA9DB", ORANGE = "#E69F00", GREY = "#8C8C8C";
 const TRUE = "#A8A8A8"; // the true shape behind a magnified one
 let PAPER, INK, GRID, SOLID, FOOT; // of the style sheet, light or dark
-const CONTRAST = 3; // of lines on the page
 const readableHues = new Map();
 let printing = false; // whether the page is laid out for paper
 
@@ -40,12 +39,12 @@ function luminance(color) {
 }
 function readable(color) {
   if (!readableHues.has(color)) {
-    const paper = luminance(PAPER) + 0.05, [from, to] = [channels(color), channels(INK)];
+    const paper = luminance(PAPER) + 0.05, contrast = paper < 0.2 ? 4.5 : 3, [from, to] = [channels(color), channels(INK)];
     let mixed = color;
     for (let part = 0; part <= 1; part += 0.05) {
       mixed = "rgb(" + from.map((v, k) => Math.round(v + part * (to[k] - v))).join() + ")";
       const other = luminance(mixed) + 0.05;
-      if (Math.max(paper / other, other / paper) >= CONTRAST) break;
+      if (Math.max(paper / other, other / paper) >= contrast) break;
     }
     readableHues.set(color, mixed);
   }
@@ -157,7 +156,7 @@ function legend(draw, entries, right, y) {
     x -= draw.measureText(text).width;
     draw.fillText(text, x, y);
     x -= 22;
-    line(draw, [[x, y], [x + 17, y]], (v) => v, (v) => v, color, 2, dash);
+    if (text) line(draw, [[x, y], [x + 17, y]], (v) => v, (v) => v, color, 2, dash);
     x -= 10;
   }
 }
