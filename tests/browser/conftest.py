@@ -84,9 +84,9 @@ def new_window(chromium: Any, studio_running: Any) -> Iterator[Any]:
     contexts, failures = [], []
     own = (f"http://127.0.0.1:{studio_running.port}/", "data:", "blob:")
 
-    def made(width: int = 1400, height: int = 900) -> Screen:
+    def made(width: int = 1400, height: int = 900, scheme: str = "light") -> Screen:
         size = {"width": width, "height": height}
-        context = chromium.new_context(viewport=size, reduced_motion="reduce")
+        context = chromium.new_context(viewport=size, reduced_motion="reduce", color_scheme=scheme)
         context.set_default_timeout(120_000)
         contexts.append(context)
         page = context.new_page()

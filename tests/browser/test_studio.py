@@ -38,11 +38,15 @@ def test_dragging_a_slider_moves_the_arm_immediately(window):
         "(before) => Number(document.querySelector('.picture').dataset.number) > before", arg=before
     )
     assert page.locator(".picture").get_attribute("data-settled") == "0"
+    label = "one => getComputedStyle(one, '::before').content"
+    assert page.locator(".picture").evaluate(label) == '"Preview: coarse run"'
+    assert not page.locator(".status").inner_text().startswith("computed")
     assert np.abs(window.look() - still).max() > 100
     page.mouse.up()
     window.wait_for_picture(before)
     value = window.value(LENGTH)
     assert value != 0.6
+    assert page.locator(".picture").evaluate(label) == "none"
     assert_shows(window, project_with(length=value))
 
 

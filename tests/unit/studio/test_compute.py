@@ -7,7 +7,7 @@ import pytest
 
 import flexarm as fa
 from flexarm.view.studio.compute import Failure, Margins, Picture, Report, Request, parts_of
-from flexarm.view.studio.state import open_bytes, paper_project
+from flexarm.view.studio.state import cards, open_bytes, paper_project
 
 from test_state import STUDY  # isort: skip
 
@@ -80,3 +80,31 @@ def test_plant_of_a_study_is_simulated():
         expected, _ = study.one("torque alone", plant, "slow")
         np.testing.assert_allclose(ends[-1], expected.tip[-1], atol=2e-4)
     assert np.abs(np.subtract(*ends)).max() > 0.02
+
+
+PREVIEWED = ("Arm of the paper", "Whip", "Chain of ten links")
+
+
+@pytest.mark.parametrize("title", PREVIEWED)
+def test_preview_is_coarser_and_within_two_pixels_of_the_picture(title):
+    (project,) = [make() for name, _, make in cards() if name == title]
+    picture, preview = (
+        next(parts_of(Request(project, purpose))) for purpose in ("picture", "preview")
+    )
+    assert preview.frequencies == picture.frequencies
+    assert preview.warnings == ()
+    whole, coarse = (json.loads(part.data)["scenes"][0] for part in (picture, preview))
+    assert len(coarse["histories"][0]["time"]) <= 301
+    width = whole["view"][1] - whole["view"][0]
+    tips = [np.array(scene["links"])[:, -1, -1] for scene in (whole, coarse)]
+    for axis in (0, 1):
+        there = np.interp(coarse["times"], whole["times"], tips[0][:, axis])
+        # The arm has about 400 pixels.
+        np.testing.assert_allclose(tips[1][:, axis], there, rtol=0.0, atol=5e-3 * width)
+
+
+def test_arm_at_a_dead_centre_has_a_picture_without_frequencies():
+    (project,) = [make() for name, _, make in cards() if name == "Slider-crank"]
+    (picture,) = parts_of(Request(project))
+    assert isinstance(picture, Picture)
+    assert picture.frequencies is None

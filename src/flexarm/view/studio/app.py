@@ -530,8 +530,9 @@ class _Window:
         self._client.run_javascript(f"flexarmStudio.show('{self.key}')")
         if request.purpose == "picture":
             _fill(self._warnings, "\n".join(f"Warning: {text}" for text in part.warnings))
-        listed = ", ".join(f"{frequency:.4g}" for frequency in part.frequencies)
-        self._frequencies.set_text(f"{listed} Hz" if listed else "none: all links are rigid")
+        listed = ", ".join(f"{frequency:.4g}" for frequency in part.frequencies or ())
+        none = "none in this posture" if part.frequencies is None else "none: all links are rigid"
+        self._frequencies.set_text(f"{listed} Hz" if listed else none)
         self._first.set_visibility(False)
         self._compared.set_visibility(bool(part.outcome))
         _fill_table(self._outcome, part.outcome)

@@ -14,6 +14,7 @@ import numpy as np
 import orjson
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.bending import one_warning
 from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError, printable
 from flexarm.cases.scenario.scenario import Prepared, prepare
@@ -34,8 +35,7 @@ if TYPE_CHECKING:
 
 #: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.
 _MOST_COORDINATES, _INTERVALS = 47_000, 200
-#: Of a preview: coordinates of all frames, samples, and tolerances, whose error of the tip is below
-#: 1e-3 of the reach, a quarter of a pixel.
+#: Of a preview: coordinates of all frames, samples, and relative tolerance.
 _PREVIEW_COORDINATES, _PREVIEW_SAMPLES, _PREVIEW_RTOL = 20_000, 300, 1e-4
 _MOST_ARROWS = 8
 _MOST_FREQUENCIES = 6
@@ -60,7 +60,7 @@ class Picture:
 
     data: bytes  # of the player, as JSON
     warnings: tuple[str, ...]  # of the arm and of the result
-    frequencies: tuple[float, ...]  # with locked joints at the start, Hz
+    frequencies: tuple[float, ...] | None  # with locked joints at the start, Hz; None without any
     seconds: float  # computing time
     outcome: tuple[Row, ...] = ()  # of two drives, a table with its head
 
@@ -137,14 +137,22 @@ def _part(request: Request) -> Part:
         thinned = [thin(few_lines(each), _INTERVALS) for each in histories]
         scenes.append(scene_of(name, arm, result, times, options, thinned))
     data = orjson.dumps(player_data(scenes, fps, speed), option=orjson.OPT_SERIALIZE_NUMPY)
-    frequencies = modes(arm, prepared.arm.joint_angles(prepared.options["initial"])).frequency_hz
     texts = [] if preview else [*implausible(arm.spec)]
     for name, result in {} if preview else results.items():
         own = (*_prepared(sides[name])[0].implausible(), *warnings_of(result))
         texts += [f"{name}: {text}" if name else text for text in own]
-    lowest = tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
+    lowest = _frequencies(arm, prepared.arm.joint_angles(prepared.options["initial"]))
     outcome = _outcome(sides, results) if len(sides) > 1 else ()
     return Picture(data, tuple(texts), lowest, time.perf_counter() - began, outcome)
+
+
+def _frequencies(arm: Arm, angles: FloatArray) -> tuple[float, ...] | None:
+    """Return the lowest frequencies (Hz); None at a dead centre, where locked joints have none."""
+    try:
+        frequencies = modes(arm, angles).frequency_hz
+    except FlexarmError:
+        return None
+    return tuple(float(f) for f in frequencies[frequencies > 0.0][:_MOST_FREQUENCIES])
 
 
 def _names(project: Project) -> list[str]:
