@@ -35,13 +35,19 @@ TEXTS = """() => {
 STROKES = """() => {
   const found = new Set(), of = CanvasRenderingContext2D.prototype;
   const [stroke, text] = [of.stroke, of.fillText];
-  of.stroke = function (...all) { if (this.globalAlpha === 1) found.add("line " + this.strokeStyle); return stroke.apply(this, all); };
-  of.fillText = function (...all) { found.add("text " + this.fillStyle); return text.apply(this, all); };
+  of.stroke = function (...all) {
+    if (this.globalAlpha === 1) found.add("line " + this.strokeStyle);
+    return stroke.apply(this, all);
+  };
+  of.fillText = function (...all) {
+    found.add("text " + this.fillStyle);
+    return text.apply(this, all);
+  };
   for (const canvas of document.querySelectorAll("canvas")) canvas.key = null;
   window.dispatchEvent(new Event("resize"));
   [of.stroke, of.fillText] = [stroke, text];
   const style = getComputedStyle(document.querySelector(".flexarm-player"));
-  return [[...found], style.getPropertyValue("--flexarm-paper"), style.getPropertyValue("--flexarm-grid")];
+  return [[...found], ...["paper", "grid"].map((k) => style.getPropertyValue("--flexarm-" + k))];
 }"""
 
 
@@ -103,6 +109,7 @@ def test_switch_is_kept_by_the_browser(new_window):
     assert page.evaluate(dark)
     page.get_by_role("button", name="Dark").click()
     page.wait_for_function(f"!{dark}")
+    page.wait_for_timeout(500)  # colours change by degrees
     assert assert_readable(page) > 0.5
     page.reload()
     page.wait_for_function(f"!{dark} && document.querySelector('.picture canvas')")

@@ -16,8 +16,9 @@ from flexarm.view.studio.state import open_bytes
 pytestmark = pytest.mark.thorough
 
 
-def test_page_looks_like_the_picture_of_the_documentation(new_window):
-    window = new_window(1400, 900)
+@pytest.mark.parametrize(("scheme", "name"), [("light", "studio.png"), ("dark", "studio-dark.png")])
+def test_page_looks_like_the_picture_of_the_documentation(scheme, name, new_window):
+    window = new_window(1400, 900, scheme)
     page = window.page
     window.choose("drive.kind", "joint PD")
     window.set(MASS, "0.4")
@@ -33,7 +34,7 @@ def test_page_looks_like_the_picture_of_the_documentation(new_window):
     page.locator('[data-group="Drive"]').evaluate("group => group.scrollIntoView()")
     page.evaluate("document.querySelector('.status').textContent = ''")
     page.evaluate("document.activeElement.blur()")
-    assert_looks_like(page, "studio.png")
+    assert_looks_like(page, name)
 
 
 def test_two_windows_have_independent_states(new_window):
