@@ -17,6 +17,10 @@
     }
   }
 
+  const raw = [...document.querySelectorAll("article p, article li, article td, article h2")]
+    .find(element => /\] ?\([^)]*(\.md|#)|```/.test(element.textContent));
+  if (raw) faults.add(`Markdown is not rendered: ${excerpt(raw)}`);
+
   // Red, green, blue from 0 to 255 and opacity from 0 to 1 of a computed colour.
   const pen = new OffscreenCanvas(1, 1).getContext("2d", {willReadFrequently: true});
   const colors = new Map();

@@ -64,13 +64,13 @@ class Reader:
                 self._add(fault)
             if width == VIEWS[0][0]:
                 inks[scheme] = self._inks()
+            self._page.evaluate("scrollTo(0, 0)")  # the drawings were brought into view
             screens[width, scheme] = opened(self._page.screenshot())
-            if os.environ.get("NEW_PICTURES") or (
-                len(self.faults) > before and not os.environ.get("FAST")
-            ):
+            if os.environ.get("NEW_PICTURES") or len(self.faults) > before:
                 picture = WHOLE / f"{width}-{scheme}" / f"{name}.png"
                 picture.parent.mkdir(parents=True, exist_ok=True)
                 self._page.screenshot(path=picture, full_page=True)
+        self._place = name
         for light, dark in zip(inks["light"], inks["dark"], strict=True):
             # Lines of a drawing that has no colours for a dark page vanish there.
             if not (light > 0.002 and 0.6 < dark / light < 2.0):
