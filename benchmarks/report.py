@@ -91,12 +91,9 @@ errors and evaluations, which do not depend on the machine.
 
 {_comparison_table(m.comparisons)}
 
-The limit is a C++ template with sizes known to the compiler, `benchmarks/limit`. It was written by
-hand for this comparison only and is compiled with `-O3 -march=native`. Before it is timed, its
-accelerations are verified to agree to 1e-11. The goal is 1.15 times the limit with sizes known to
-the compiler. They are known with `specialized=True`, and in long runs by default, as decided from
-the number of evaluations. Other runs use the code for any size, which is not compiled again for
-each arm.
+The limit is a C++ template written by hand for this comparison, `benchmarks/limit`, compiled with
+`-O3 -march=native`; its accelerations agree to 1e-11. The goal is 1.15 times the limit. The
+compiler knows the sizes with `specialized=True` and, by default, in long runs.
 
 ## Scaling
 
@@ -112,12 +109,10 @@ beams, and one of the paper's linear theory with 2 + 1 elements. *Integration* i
 loop of each program. *Total* includes the creation of the model and the return of the result, for
 flexarm all channels with their labels. No time includes compilation or import.
 
-MuJoCo, Pinocchio and Drake simulate rigid bars on springs. Pinocchio has no integrators; its loop
-is in Python. PyElastica's rod is thicker than the links, because otherwise its steps would be ten
-times shorter; its error is due to this. SoRoMoX has no joints in the plane: segments of a
-micrometre without stiffness represent them, and the links bend in segments of constant curvature
-without stretch and shear. CasADi and JAX use flexarm's own equations, CasADi with
-exact Jacobians; SciPy's solvers call these equations from Python.
+MuJoCo, Pinocchio and Drake simulate rigid bars on springs; Pinocchio's loop is in Python.
+PyElastica's rod is thicker than the links, because otherwise its steps would be ten times shorter;
+its error is due to this. In SoRoMoX, segments of a micrometre without stiffness are the joints.
+CasADi, JAX and SciPy use flexarm's own equations.
 
 The tables show the fastest setting of each program with at most the given error:
 
@@ -126,8 +121,7 @@ The tables show the fastest setting of each program with at most the given error
 ### What a user gets
 
 Whole calls with default arguments, which may err by 1e-5 of the reach (2.4e-5 m), beside the
-fastest setting of each peer with at most the error of the call. `python -m benchmarks.table_one`
-measures this table alone.
+fastest setting of each peer with at most this error (`python -m benchmarks.table_one`).
 
 {user_table(m.table_one)}
 
@@ -137,30 +131,22 @@ In the figure a line joins the best settings of each program; the others are fai
 
 ### Steps alone
 
-The table gives the time of flexarm's compiled steps, with sizes known to the compiler, and the time
-of the whole call, which includes the creation of the arm and the labels of all channels. Each is
-the best of a scan over integrators, steps, tolerances and bases. The other program that is the
-fastest in the same respect was timed alternately with it:
+Compiled steps with sizes known to the compiler, and whole calls, which include the creation of the
+arm and the labels of all channels; each is the best of a scan over integrators, steps, tolerances
+and bases (two to five modes, one to twelve segments):
 
 {raw_table(m.raw)}
 
-A whole call takes longer than its steps: before the run, a torque that is a function of time is
-tabulated to the tolerance in use, and after it the channels are computed and labelled.
-
-Two numbers limit the speed of the steps: the time of one evaluation, which is in the first table,
-and the number of evaluations. A method that resolves the vibrations needs at least one evaluation
-for every two radians of the fastest mode of the basis; other methods have to resolve the motion.
-A smaller error against the exact beams requires segments, whose modes are faster. Every
-integrator was tried on bases of two to five modes and one to twelve segments; the tables contain
-the best results.
+A whole call also tabulates a torque that is a function of time. A method that resolves the
+vibrations needs at least one evaluation for every two radians of the fastest mode of the basis; a
+smaller error against the exact beams requires segments, whose modes are faster.
 
 ## Many runs
 
 Two seconds of the same arm from {rollouts.RUNS} different starts, each within 0.1 rad of the first.
 The error is that of the first run. flexarm stores the tip at 100 Hz; *lanes* are runs computed
-eight at a time (decision [0027](../decisions/index.md#0027-lanes)). The programs were timed
-alternately, slow ones with fewer runs. The ratio is to lanes in all threads against the same
-reference. The goal
+eight at a time (decision [0027](../decisions/index.md#0027-lanes)). The ratio is to lanes in all
+threads against the same reference. The goal
 is {rollouts.GOAL:g} s for {rollouts.RUNS} runs on two idle
 cores, {rollouts.RUNS / rollouts.GOAL:.0f} runs per second.
 
@@ -170,7 +156,7 @@ cores, {rollouts.RUNS / rollouts.GOAL:.0f} runs per second.
 
 A step of `flexarm/Reach-v0` simulates two links for 5 ms at the default tolerances, and returns
 observation, reward and info. The episodes have 600 steps with random actions, up to half of the
-largest torque. The environments were timed alternately. The goal is {environments.GOAL:,} steps
+largest torque. The goal is {environments.GOAL:,} steps
 per second on two idle cores, and at most {environments.OUTSIDE:.0%} of the time of a single
 environment outside `Plant.step`; here it was {m.learning.outside:.0%}.
 
@@ -179,9 +165,9 @@ environment outside `Plant.step`; here it was {m.learning.outside:.0%}.
 ## A chain of 64 links
 
 The chain of 64 links on free hinges swings under gravity for one second, without damping. The
-runs of flexarm have four second-order modes per link; the reference is flexarm with eight modes
-per link at `rtol=1e-7`. MuJoCo's rigid bars and Exudyn's cables converge to the same motion. Each
-run was timed once, after one warm-up run.
+reference is flexarm with eight second-order modes per link at `rtol=1e-7`; MuJoCo's rigid bars and
+Exudyn's cables converge to the same motion. Rows are left out if another of the same program is
+faster and as accurate.
 
 {_points_table(m.chain)}
 
@@ -196,8 +182,8 @@ The goal is {long_chain.GOAL:g} times the speed of MuJoCo at the same error or l
 A crank of 0.3 m starts with 12 rad/s; coupler and rocker are 0.9 and 0.7 m. All bars have 200 N m²
 and 0.5 kg/m and swing under gravity for one second. The error is that of the rocker's tip from
 {_finest()}, which the [gallery](../gallery/mechanisms.md) compares with
-Exudyn. Links of flexarm do not stretch; those of Exudyn do, by as much as a steel rod. Times are
-those of whole calls of `simulate`, and of the solver of Exudyn. The goal is
+Exudyn, whose links stretch by as much as a steel rod. Times are those of whole calls of `simulate`,
+and of the solver of Exudyn. The goal is
 {closed_loop.GOAL:g} times the speed of Exudyn at equal error.
 `python -m benchmarks.closed_loop` prints this table alone.
 
@@ -205,32 +191,27 @@ those of whole calls of `simulate`, and of the solver of Exudyn. The goal is
 
 ## Controllers
 
-The table gives the time of one `update` in closed loops on two flexible links, at the default
-sample times: medians of alternating runs. The goal is 20 microseconds for controllers in closed
-form. `mpc` is a linear regulator if no limit becomes active within its horizon, and otherwise
-solves a quadratic program. The filter of `estimator` linearises a step of the equations of motion;
-if the payload is unknown, it does this for up to 25 Gaussians.
+Time of one `update` in closed loops on two flexible links, at the default sample times. The goal
+is 20 microseconds for controllers in closed form. If the payload is unknown, `estimator` has up to
+25 Gaussians.
 
 {_controllers_table(m.controllers)}
 
 ## Whole calls
 
-The runs are two seconds of the two-link arm of Table I with four modes on each link. Outside
-its steps, `simulate` checks its arguments, computes the highest frequency, computes and labels
-the channels, and estimates the error of bent states. Compiled code computes the channels of each
-sample; its time is included. Runs of the same arm share the labels if their samples are at the
-same times.
+Two seconds of the two-link arm of Table I with four modes on each link. Outside its steps,
+`simulate` checks its arguments, computes and labels the channels, and estimates the error of bent
+states.
 
 {whole_table(m.simulations)}
 
-The next table is for calls from Python, with all arguments as arrays:
+Calls from Python, with all arguments as arrays:
 
 {calls_table(m.calls)}
 
 ## Pictures
 
-Animations have 30 frames per second and 1120 pixels in width, with three histories. CPU seconds
-include those of ffmpeg.
+Animations have 30 frames per second, 1120 pixels in width and three histories.
 
 {pictures_table(m.pictures)}
 
@@ -240,11 +221,9 @@ include those of ffmpeg.
 
 ## First run
 
-Each feature runs in its own process; the times include the start of the process. The first two
-columns are those of an installation with the library of kernels. The next two are without it, when
-kernels compile: the first two features begin with an empty kernel cache, the others with the cache
-after `simulate`. CPU seconds exceed the elapsed seconds if several processes work in parallel; the
-goals are elapsed seconds of compiling on two idle cores.
+Each feature runs in its own process, whose start is included. The first two columns are with the
+library of kernels, the next two without it: the first two features then compile from nothing, the
+others with the cache after `simulate`. The goals are seconds of compiling on two idle cores.
 
 {first_run_table(m.first)}
 
@@ -394,7 +373,16 @@ def chain_table(points: list[Point]) -> str:
 
 
 def _points_table(points: list[Point]) -> str:
-    """Return the table of points with one reference solution, the fastest first."""
+    """Return the table of points with one reference solution, the fastest first.
+
+    Without points to which another one of the same program is superior.
+    """
+    best: dict[str, float] = {}
+    fast = []
+    for point in sorted(points, key=lambda point: point.seconds):
+        if point.error < min(USEFUL, best.get(point.program, USEFUL)):
+            best[point.program] = point.error
+            fast.append(point)
     rows = [
         (
             point.program,
@@ -403,20 +391,18 @@ def _points_table(points: list[Point]) -> str:
             f"{1e3 * point.seconds:.3g}",
             f"{1e3 * point.total:.3g}",
         )
-        for point in sorted(points, key=lambda point: point.seconds)
-        if point.error < USEFUL
+        for point in fast
     ]
     header = ("program", "setting", "tip error (m)", "integration (ms)", "total (ms)")
     return _table(header, rows)
 
 
 def _controllers_table(found: dict[tuple[str, str], float]) -> str:
-    unit = found["joint_pd", ""]
     rows = [
-        (f"`{name}`", condition, f"{time:.3g}", f"{time / unit:.3g}")
+        (f"`{name}`" + (f", {condition}" if condition else ""), f"{time:.3g}")
         for (name, condition), time in found.items()
     ]
-    return _table(("controller", "condition", "microseconds", "times `joint_pd`"), rows)
+    return _table(("controller", "microseconds"), rows)
 
 
 def whole_table(found: list[Whole]) -> str:

@@ -14,6 +14,9 @@ FOLDER = Path(__file__).resolve().parent.parent / "docs" / "gallery"
 
 DPI = 160
 
+#: Numbers in the name of a quantity.
+_NUMBER = re.compile(r"\d[\d./]*")
+
 #: Rows of a case beside the case.
 Results = Sequence[tuple[Case, Sequence[Row]]]
 
@@ -89,6 +92,12 @@ def picture_table(links: Sequence[tuple[Case, str]]) -> str:
     return "\n".join(lines)
 
 
+def shown_rows(rows: Sequence[Row]) -> list[Row]:
+    """The last row of each kind: names that differ in numbers alone, as times and modes do."""
+    kinds = {(_NUMBER.sub("", row.quantity), row.source, row.reason): row for row in rows}
+    return list(kinds.values())
+
+
 def _table(rows: Sequence[Row], sources: Sequence[Source], reasons: Sequence[str]) -> str:
     """The table of a case; sources and reasons have a column if they differ between rows.
 
@@ -135,12 +144,16 @@ def case_text(case: Case, rows: Sequence[Row]) -> str:
     reasons = list(dict.fromkeys(row.reason for row in rows))
     sources = list(dict.fromkeys(row.source for row in rows))
     cites = [f"{source.cite}: {source.full}" for source in sources]
+    shown = shown_rows(rows)
+    table = _table(shown, sources, reasons)
+    if len(shown) < len(rows):
+        table += f"\n\n{len(rows)} quantities; the table has the last one of each kind."
     parts = [
         f"## {case.title}",
         case.physics.strip(),
         f"![{case.title}]({case.name}.png)",
         f"*{case.caption}*",
-        _table(rows, sources, reasons),
+        table,
         _list("Reasons for the digits", reasons, numbered=True),
         _list("Sources", cites, numbered=several_cites(rows)),
         f"Code: [`{case.module}`](../../{case.module}).",

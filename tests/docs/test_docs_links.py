@@ -8,6 +8,8 @@ import pytest
 from docs_pages import ROOT, anchors, pages, prose
 
 _LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+#: Spaces inside a link, which is then shown as text.
+_BROKEN = re.compile(r"\] ?\([^)\s]* [^)\s]*\.md[^)]*\)|\] \([^)\s]*\.md[^)]*\)")
 _HTML = re.compile(r"(?:src|href)=\"([^\"]+)\"")
 _NAMED = re.compile(r"`((?:src|tests|docs|examples|benchmarks)/[\w./-]+)`")
 
@@ -16,6 +18,7 @@ _NAMED = re.compile(r"`((?:src|tests|docs|examples|benchmarks)/[\w./-]+)`")
 @pytest.mark.parametrize("page", pages())
 def test_links_resolve(page: str) -> None:
     text = prose(page)
+    assert _BROKEN.findall(text) == []
     for target in _LINK.findall(text) + _HTML.findall(text):
         if target.startswith(("http://", "https://", "mailto:")):
             continue

@@ -1,8 +1,4 @@
-"""The documentation site: its build has no warnings, and it is complete.
-
-All checks share one build, in one test, because parallel workers would otherwise build it several
-times.
-"""
+"""The documentation site: its build has no warnings, and it is complete."""
 
 from __future__ import annotations
 
@@ -10,8 +6,6 @@ import html
 import importlib
 import json
 import re
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 
@@ -21,22 +15,16 @@ from python_tables import GROUPS
 from test_docs_equations import tags
 
 import flexarm as fa
+from built_site import NOTEBOOK, built_site
 
-#: The page that is run as a notebook here; `make docs` runs all pages with plots.
-NOTEBOOK = "tutorials/first-run.md"
 _LINK = re.compile(r'\b(?:href|src)="([^"]*)"')
 _ID = re.compile(r'\bid="([^"]*)"')
 _CODE = re.compile(r"<(pre|code|script|style)\b.*?</\1>", re.DOTALL)
 
 
 @pytest.mark.thorough
-def test_site_is_complete(tmp_path: Path) -> None:
-    for package in ("sphinx", "myst_nb", "furo", "math_core", "ipykernel", "ziglang"):
-        pytest.importorskip(package, reason="it comes with the extra: pip install 'flexarm[docs]'")
-    command = [sys.executable, "docs/site", str(tmp_path), "--run", NOTEBOOK]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    site = tmp_path / "html"
+def test_site_is_complete(tmp_path_factory: pytest.TempPathFactory) -> None:
+    site = built_site(tmp_path_factory)
     for check in (
         check_every_page_is_in_the_navigation,
         check_links_have_targets,
