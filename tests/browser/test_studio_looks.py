@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from studio_server import MASS
 
-from flexarm.view.studio.state import cards
+from flexarm.view.studio.presets import cards
 
 pytestmark = pytest.mark.sampled("test_text_and_lines_are_readable[dark-1280]")
 

@@ -26,7 +26,7 @@ from gallery.moving_svg import svg
 
 import flexarm as fa
 from flexarm.cases.scenario.scenario import prepare
-from flexarm.view.studio.state import cards
+from flexarm.view.studio.presets import cards
 
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 #: Of a picture, tenths of a pixel of 3600: other processors round otherwise, which impacts enlarge.

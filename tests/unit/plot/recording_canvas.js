@@ -21,8 +21,10 @@ function element(tag) {
 const root = element("div");
 const data = { textContent: json, previousElementSibling: root };
 const document = { currentScript: { previousElementSibling: data }, createElement: element };
-const window = { devicePixelRatio: 1, addEventListener() {}, matchMedia: () => ({ matches: true }) };
-vm.runInNewContext(code, { document, window, performance: { now: () => 0 },
+const matchMedia = () => ({ matches: true, addEventListener() {} });
+const window = { devicePixelRatio: 1, addEventListener() {}, matchMedia };
+const getComputedStyle = () => ({ getPropertyValue: () => "#808080" });
+vm.runInNewContext(code, { document, window, getComputedStyle, performance: { now: () => 0 },
   requestAnimationFrame() {}, console, Math, JSON, Number });
 const controls = root.children[1].children;
 const [button, slider, clock] = controls;

@@ -12,6 +12,7 @@ from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.templates import TEMPLATES
 from flexarm.model.wording import path_text
 from flexarm.view.studio.compute import Picture, Request, parts_of
+from flexarm.view.studio.presets import paper_project
 from flexarm.view.studio.state import (
     BESIDE,
     COPY,
@@ -25,7 +26,6 @@ from flexarm.view.studio.state import (
     open_bytes,
     open_file,
     open_link,
-    paper_project,
     shown_by,
 )
 from flexarm.view.studio.values.fields import groups_of, points_of

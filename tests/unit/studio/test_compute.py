@@ -7,7 +7,8 @@ import pytest
 
 import flexarm as fa
 from flexarm.view.studio.compute import Failure, Margins, Picture, Report, Request, parts_of
-from flexarm.view.studio.state import cards, open_bytes, paper_project
+from flexarm.view.studio.presets import cards, paper_project
+from flexarm.view.studio.state import open_bytes
 
 from test_state import STUDY  # isort: skip
 

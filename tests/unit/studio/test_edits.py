@@ -4,6 +4,7 @@ import pytest
 
 from flexarm.base.errors import InputError
 from flexarm.model import Load
+from flexarm.view.studio.presets import paper_project
 from flexarm.view.studio.state import (
     FORM,
     KIND,
@@ -14,7 +15,6 @@ from flexarm.view.studio.state import (
     WAY,
     History,
     open_bytes,
-    paper_project,
 )
 
 from test_state import STUDY  # isort: skip

@@ -23,6 +23,7 @@ from flexarm.model.quantities import (
 )
 from flexarm.model.units import unit_of
 from flexarm.model.wording import look
+from flexarm.view.studio.presets import paper_project
 from flexarm.view.studio.state import (
     FORM,
     KIND,
@@ -31,7 +32,6 @@ from flexarm.view.studio.state import (
     TABLE,
     WORDS,
     open_file,
-    paper_project,
     table_content,
 )
 from flexarm.view.studio.values.fields import FieldMaker, Sizes, fields_in, groups_of

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("starlette", reason="no guard: it comes with the extra studio")
 
-from flexarm.view.studio.app import Guard
+from flexarm.view.studio.guard import Guard
 
 TOKEN = "a-secret-of-the-server"
 HOME = (b"host", b"127.0.0.1:8550")

@@ -10,8 +10,9 @@ import pytest
 
 import flexarm as fa
 from flexarm.model.drives import CONTROLLED, FEEDFORWARD_DRIVES
+from flexarm.view.studio.presets import PRESETS, paper_project
 from flexarm.view.studio.script import script_of
-from flexarm.view.studio.state import PRESETS, open_bytes, open_file, paper_project
+from flexarm.view.studio.state import open_bytes, open_file
 
 from test_state import STUDY  # isort: skip
 

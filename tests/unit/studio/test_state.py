@@ -8,15 +8,8 @@ import flexarm as fa
 from flexarm.base.errors import InputError, ModelError
 from flexarm.model.drives import CONTROLLED
 from flexarm.model.file_format.files import load_any
-from flexarm.view.studio.state import (
-    MOST_UNDO,
-    History,
-    Project,
-    open_bytes,
-    open_file,
-    paper_project,
-    project_of,
-)
+from flexarm.view.studio.presets import paper_project
+from flexarm.view.studio.state import MOST_UNDO, History, Project, open_bytes, open_file, project_of
 
 LENGTH = ("arm", "links", 0, "length")
 

@@ -28,8 +28,10 @@ def studio(
     for module, name in (("nicegui", "NiceGUI"), ("jinja2", "Jinja2")):
         if find_spec(module) is None:
             raise library_missing(name, "studio")
-    from flexarm.view.studio.app import is_loopback, serve
-    from flexarm.view.studio.state import open_file, paper_project
+    from flexarm.view.studio.app import serve
+    from flexarm.view.studio.guard import is_loopback
+    from flexarm.view.studio.presets import paper_project
+    from flexarm.view.studio.state import open_file
 
     project = paper_project() if file is None else open_file(file)
     _check_address(host, port)

@@ -12,11 +12,10 @@ import math
 import re
 import zlib
 from base64 import b64decode, urlsafe_b64encode
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, replace
-from functools import cache, lru_cache, partial
-from importlib.resources import files
+from functools import lru_cache
 from itertools import count, zip_longest
 from pathlib import Path as FilePath
 from typing import Any
@@ -24,7 +23,6 @@ from typing import Any
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError, InputError, Problem
 from flexarm.base.writing.places import AnyPath
-from flexarm.cases.templates import TEMPLATES, arm_files, mechanism_arm, mechanism_scenario
 from flexarm.model import ArmSpec, Link, PlantSpec, Scenario, StudySpec, file_text
 from flexarm.model.arm.links import MATERIALS, Material
 from flexarm.model.checks import Record
@@ -481,53 +479,6 @@ def open_file(path: AnyPath) -> Project:
 def open_bytes(content: bytes, file: str, arms: Mapping[str, ArmSpec] | None = None) -> Project:
     """Open the content of a file that a browser sent; it may name those of the ``arms``."""
     return project_of(record_of_bytes(content, file, arms), _stem(file))
-
-
-def paper_project() -> Project:
-    """Return the paper's example, the state of a studio without a file."""
-    from flexarm.view.paper import paper_scenario
-
-    return Project(paper_scenario(), "paper")
-
-
-def _of_texts(arm: str, scenario: str, name: str) -> Project:
-    """Return the project of the texts of an arm file and of a scenario file that names it."""
-    described = open_bytes(arm.encode(), "arm.yaml").record.arm
-    return open_bytes(scenario.encode(), name, {"arm.yaml": described})
-
-
-#: States to start from, by their entries in the menu: the paper's, and those of ``flexarm init``.
-PRESETS: dict[str, Callable[[], Project]] = {
-    "one link": lambda: _of_texts(*arm_files(1), "one link"),
-    "two links": lambda: _of_texts(*arm_files(), "two links"),
-    "stiff links": lambda: _of_texts(*arm_files(stiff=True), "stiff links"),
-    "a boom under gravity": lambda: _of_texts(*arm_files(gravity=True), "boom"),
-    "the arm of the paper": paper_project,
-    **{
-        text.summary: partial(_of_texts, mechanism_arm(kind), mechanism_scenario(kind), kind)
-        for kind, text in TEMPLATES.items()
-    },
-}
-
-
-@cache
-def cards() -> list[tuple[str, str, Callable[[], Project]]]:
-    """Return title, sentence and project of each card of the gallery, from its file."""
-    entries = []
-    for path in sorted(
-        (files("flexarm") / "library" / "cards").iterdir(), key=lambda path: path.name
-    ):
-        text = path.read_text(encoding="utf-8")
-        title, sentence = text.splitlines()[0].removeprefix("# ").split(": ", 1)
-        entries.append((title, sentence, partial(_card, text, path.name)))
-    return sorted(entries, key=lambda entry: entry[0])
-
-
-def _card(text: str, file: str) -> Project:
-    """Return the project of a card; the second drive of a study is shown beside the first."""
-    project = open_bytes(text.encode(), file)
-    drives = list(getattr(project.record, "drives", {}).values())
-    return replace(project, beside=drives[1]) if drives else project
 
 
 def link_of(project: Project) -> str:
