@@ -12,8 +12,7 @@ from data.geared_bench import START, THREE, GearedBench
 DATA = Path(__file__).resolve().parents[1] / "data"
 #: Standard deviation of the noise of each channel: an encoder, a strain bridge, a camera.
 NOISE = {"joint_angle": 2e-4, "strain": 5e-7, "tip": 5e-4}
-#: Elements of each link. Its gauge lies at 20 to 23 % of the first element, near the Gauss point
-#: (21 %) where strain is most accurate: elsewhere the mesh biases the estimates.
+#: Elements of each link.
 MESH = {ONE.name: (3,), TWO.name: (3, 2), THREE.name: (3,)}
 
 

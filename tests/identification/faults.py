@@ -1,10 +1,11 @@
-"""Records of the bench with one link and a fault that commissioning must name."""
+"""Records of the benches with a fault that commissioning must name."""
 
 import numpy as np
 
 import flexarm as fa
-from data.bench_records import ONE, RATE
-from identification.benches import record, rough_record
+from data.bench_records import ONE, RATE, TWO, Bench
+from flexarm.model.paths import with_number
+from identification.benches import believed, record, rough_record, truth
 
 #: Fault and words of which one names it.
 FAULTS = {
@@ -15,35 +16,80 @@ FAULTS = {
     "gain": ("distance of gauge 1", "gain of strain_1"),
     "dead sensor": ("strain_1 does not change",),
     "late sensor": ("strain_1 reads zero until",),
+    "saturated": ("strain_1 is saturated",),
+    "spikes": ("strain_1 has",),
+    "lost samples": ("strain_1 lacks",),
+    "wrapped encoder": ("joint_angle_1 jumps by a whole turn",),
+    "torque delay": ("The torque is late", "delay of the torque"),
+    "torque gain": ("torque_1 reads", "gain of torque_1"),
+    "encoder offset": ("joint_angle_2 reads", "offset of joint_angle_2"),
 }
+#: Faults that a bench cannot show: the angle of the first joint has no effect without gravity.
+UNSEEN = {ONE.name: ("encoder offset",), TWO.name: ()}
 
 
-def faulty_record(fault: str, seed: int, end: float) -> fa.MeasuredRecord:
-    """Return a record with noise and a fault whose size depends on the seed."""
+def faulty_record(fault: str, seed: int, end: float, bench: Bench = ONE) -> fa.MeasuredRecord:
+    """Return a record with noise and a fault whose size depends on the seed; "" has no fault."""
     random = np.random.default_rng(2000 + seed)
     size = random.uniform(1.0, 2.0)
     if fault == "friction":
-        return rough_record(ONE, seed, end=end)
-    clean = record(ONE.name, seed, end=end)
+        return rough_record(bench, seed, end=end)
+    clean = record(bench.name, seed, end=end)
     data = clean.data.copy(deep=True)
-    strain = data["strain"].values
+    strain = data["strain"].values[:, 0]
+    torque = data["torque"].values
+    places = random.choice(strain.size, round(5 * size), replace=False)
     if fault == "torque offset":
-        data["torque"] = data["torque"] + 0.02 * size * ONE.amplitude[0]
+        torque[:, 0] += 0.02 * size * bench.amplitude[0]
+    elif fault == "torque gain":
+        torque *= 1.0 + 0.1 * size
+    elif fault == "torque delay":  # the arm moves before the record shows its torque
+        late = round(size)
+        torque[late:] = torque[:-late].copy()
+        torque[:late] = 0.0
     elif fault == "strain offset":
-        data["strain"] = data["strain"] + 0.1 * size * strain.std()
+        strain += 0.1 * size * strain.std()
     elif fault == "delay":
         late = round(size)
-        data["strain"][late:] = strain[:-late]
+        strain[late:] = strain[:-late].copy()
     elif fault == "gain":
-        data["strain"] = (1.0 + 0.15 * size) * data["strain"]
+        strain *= 1.0 + 0.15 * size
     elif fault == "dead sensor":
-        data["strain"][:] = 0.0
+        strain[:] = 0.0
     elif fault == "late sensor":
-        data["strain"][: round(0.3 * size * RATE)] = 0.0
+        strain[: round(0.3 * size * RATE)] = 0.0
+    elif fault == "saturated":
+        np.clip(strain, *(0.6 / size * np.array([strain.min(), strain.max()])), out=strain)
+    elif fault == "spikes":
+        strain[places] += 20.0 * size * strain.std()
+    elif fault == "lost samples":
+        strain[places] = np.nan
+    elif fault == "wrapped encoder":
+        angle = data["joint_angle"].values
+        middle = 0.5 * (angle[:, 0].min() + angle[:, 0].max())
+        angle[:, 0] = (angle[:, 0] - middle) % (2.0 * np.pi)
+    elif fault == "encoder offset":
+        data["joint_angle"].values[:, 1] += 0.05 * size
     return fa.MeasuredRecord(data, clean.settings)
+
+
+def data_sheet(fault: str, seed: int, bench: Bench = ONE) -> fa.Arm:
+    """Return an arm wrong by up to 20 %, whose gauge does not hide an error of the gain."""
+    arm = believed(bench, seed)
+    if fault != "gain":
+        return arm
+    distance = "links[0].gauges[0].distance"
+    return fa.Arm(with_number(arm.spec, distance, truth(bench, distance)))
 
 
 def names_fault(result: fa.Identification, fault: str) -> bool:
     """Return whether a sentence of a result names a fault."""
     sentences = [*result.findings, *result.missing]
     return any(words in text for words in FAULTS[fault] for text in sentences)
+
+
+def false_findings(result: fa.Identification, fault: str) -> list[str]:
+    """Return sentences on other faults; the distances of gauges of the data sheet are wrong."""
+    words = (*FAULTS.get(fault, ()), "distance of gauge")
+    sentences = [*result.findings, *result.missing]
+    return [text for text in sentences if not any(word in text for word in words)]

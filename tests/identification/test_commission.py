@@ -10,9 +10,8 @@ from data.bench_records import ONE
 from flexarm.identification.data_sheet import of_drives, of_links, of_masses
 from flexarm.identification.inspection import inspected
 from flexarm.identification.record import Label
-from flexarm.model.paths import with_number
 from identification.benches import arm_of, believed, record, rough_record, truth
-from identification.faults import FAULTS, faulty_record, names_fault
+from identification.faults import FAULTS, UNSEEN, data_sheet, faulty_record, names_fault
 
 pytestmark = pytest.mark.compiled
 
@@ -196,13 +195,10 @@ def test_commissioning_from_a_wrong_data_sheet():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", [kind for kind in FAULTS if kind not in UNSEEN[ONE.name]])
 def test_planted_faults_are_named(fault):
-    arm = believed(ONE, 1)
-    if fault == "gain":  # a distance that is wrong by the same factor would hide it
-        distance = "links[0].gauges[0].distance"
-        arm = fa.Arm(with_number(arm.spec, distance, truth(ONE, distance)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = fa.commission(arm, faulty_record(fault, 1, 2.0), progress=False)
+        measured = faulty_record(fault, 1, 2.0)
+        found = fa.commission(data_sheet(fault, 1), measured, progress=False)
     assert names_fault(found, fault), [*found.findings, *found.missing]

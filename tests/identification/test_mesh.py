@@ -22,12 +22,11 @@ def bias(elements):
 
 
 @pytest.mark.thorough
-def test_gauges_near_the_gauss_points_of_their_elements_bias_no_estimate():
-    """A bias of 0.3 deviations lowers the coverage of an interval from 95 % to 94 %."""
-    assert np.abs(bias(MESH[TWO.name])).max() < 0.3
+@pytest.mark.parametrize("elements", [MESH[TWO.name], (3, 3)])
+def test_places_of_gauges_in_their_elements_bias_no_estimate(elements):
+    """A bias of 0.3 deviations lowers the coverage of an interval from 95 % to 94 %.
 
-
-@pytest.mark.thorough
-def test_a_finer_mesh_with_a_gauge_elsewhere_biases_an_estimate():
-    """Gauge 2 at 30 % of its element: a bias of 0.9 lowers the coverage to 85 %."""
-    assert np.abs(bias((3, 3))).max() > 0.9
+    Gauge 2 is at 20 and at 30 % of its element. With the curvature of elements alone, the second
+    mesh biases an estimate by 0.9 deviations.
+    """
+    assert np.abs(bias(elements)).max() < 0.3

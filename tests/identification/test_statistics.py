@@ -87,6 +87,20 @@ def test_correlated_residuals_that_depend_on_the_input_fail_independence():
     assert rejections(found) == 1.0
 
 
+def test_errors_of_estimates_do_not_count_as_dependence_on_the_input():
+    """Unseen records: the outputs depend on the input by coefficients with a deviation of 0.2."""
+    signal = np.random.default_rng(99).standard_normal(COUNT)
+    slopes = np.stack([np.concatenate([np.zeros(k), signal[: COUNT - k]]) for k in (1, 4)], axis=1)
+    every = np.random.default_rng(7).standard_normal((40, 2))
+    residuals = [white(k) + 0.2 * slopes @ error for k, error in enumerate(every)]
+    errors = 0.2 * slopes
+    assert rejections([independence(r, ALL, signal) for r in residuals]) > 0.5
+    assert rejections([independence(r, ALL, signal, errors=errors) for r in residuals]) <= 1 / 40
+    # A dependence of another form is still noticed.
+    lacking = residuals[0] + 0.3 * np.concatenate([np.zeros(8), signal[:-8]])
+    assert independence(lacking, ALL, signal, errors=errors) < 1e-3
+
+
 def test_tests_reject_residuals_with_structure():
     signal = np.random.default_rng(99).standard_normal(COUNT)
     assert whiteness(coloured(1), ALL) < 1e-6

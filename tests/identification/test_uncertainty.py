@@ -1,6 +1,7 @@
 """Uncertainty of estimates: other arms that fit, effects that the model lacks, intervals."""
 
 import warnings
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import flexarm as fa
 from data.bench_records import ONE
+from flexarm.model.paths import with_number
 from identification.benches import (
     FREE,
     arm_of,
@@ -108,6 +110,53 @@ def test_intervals_stay_within_the_bounds():
     assert rigidity["interval_start"] == pytest.approx(float(rigidity["estimate"]) - half)
 
 
+def test_profiles_bound_what_only_acts_as_a_sum():
+    """Both inertias are between zero and their sum, 0.022 kg m^2 within some percent."""
+    joint = arm_of(ONE).spec.joints[0].replace(rotor_inertia=0.002)
+    arm = fa.Arm(arm_of(ONE).spec.replace(joints=[joint]))
+    free = [RIGIDITY, "joints[0].hub_inertia", "joints[0].rotor_inertia"]
+    found = quiet(arm, record(ONE.name, 1, end=0.5), free, starts=1)
+    total = found[free[1]] + found[free[2]]
+    for path in free[1:]:
+        row = found.parameters.sel(parameter=path)
+        assert row["interval_start"] == 0.0
+        assert total < row["interval_end"] < 1.1 * total
+        assert row["standard_deviation"] > total
+    assert "95 %: 0 to 0.02" in str(found)
+
+
+def test_profiles_of_parameters_that_act_linearly_are_the_usual_intervals():
+    from flexarm.identification import fitting, runs, space
+
+    measured = record(ONE.name, 1, end=1.0)
+    free = space.check_free([RIGIDITY, "joints[0].damping", "joints[0].hub_inertia"])
+    place = space.Space(arm_of(ONE), None, free, {"run": measured})
+    problem = fitting.FitProblem(place, [runs.RecordRun("run", measured, arm_of(ONE), {})], None)
+    fit = fitting.fit_from(problem, place.start, "linear", 50)
+    rows = problem.rows(problem.scaled(fit.vector))
+    column = np.linalg.inv(rows.T @ rows)[:, 0]
+    half = 1.96 * np.sqrt(column[0])
+    for first in (0.3, 1.0, -3.0):
+        end = fitting.profile_end(problem, fit, 0, first * half * column / column[0], 0.5 * 1.96**2)
+        # The search ends within 5 % of the half width, which is 1 % of the estimate.
+        assert abs(abs(end - fit.vector[0]) / half - 1.0) < 0.07
+        assert np.sign(end - fit.vector[0]) == np.sign(first)
+
+
+def test_estimates_at_bounds_and_failed_tests_are_explained():
+    free = [fa.FreeParameter(RIGIDITY, upper=7.5), "joints[0].damping"]
+    arm = fa.Arm(with_number(arm_of(ONE).spec, RIGIDITY, 7.0))
+    measured = rough_record(ONE, 1, end=1.0)
+    unseen = record(f"{ONE.name}_other", 3, end=0.5)
+    found = quiet(arm, measured, free, starts=1, validation={"unseen": unseen})
+    text = str(found)
+    assert "flexural rigidity of link 1 is at its bound, 7.5: the data prefer a value" in text
+    assert "Whiteness failed for joint_angle_1 of record 1, strain_1 of record 1" in text
+    dependent = replace(found, fit=found.fit.assign(independence=0.0 * found.fit["rms"]))
+    assert "Independence failed for joint_angle_1 of record 1, strain_1" in str(dependent)
+    assert "at its bound" in fa.report(found.to_dataset())
+
+
 def test_beginnings_of_long_records_count_as_iterations(monkeypatch):
     from flexarm.identification import fitting
 
@@ -192,7 +241,8 @@ def test_channels_without_residuals_do_not_exclude_other_arms():
     from flexarm.identification.assessment import alternatives_of
 
     slot = SimpleNamespace(initial=False, path="payload.mass", name="payload.mass")
-    problem = SimpleNamespace(space=SimpleNamespace(slots=[slot]), rms_of=lambda outputs: outputs)
+    space = SimpleNamespace(slots=[slot], scale=np.ones(1))
+    problem = SimpleNamespace(space=space, rms_of=lambda outputs: outputs)
     best, equal, worse = (
         SimpleNamespace(vector=np.array([mass]), outputs={"tip_x": still, "tip_y": 1.0})
         for mass, still in ((1.0, 0.0), (2.0, 0.0), (3.0, 0.1))

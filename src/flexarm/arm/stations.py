@@ -78,7 +78,7 @@ def place_gauges(
         piece = arm.assembly.piece_at(i, station)
         bodies[k] = piece.body
         if piece.shapes.w2.size:
-            curvature = piece.shapes.curvature([station - piece.start])[0]
+            curvature = piece.shapes.recovered_curvature([station - piece.start])[0]
             with np.errstate(over="ignore"):
                 rows[k, : curvature.size] = -distance * curvature
             if not np.isfinite(rows[k]).all():

@@ -14,7 +14,13 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, SimulationError, public_call
 from flexarm.base.notebook import html_table
-from flexarm.identification.fitting import Fit, FitFailure, FitProblem
+from flexarm.identification.fitting import (
+    Fit,
+    FitFailure,
+    FitProblem,
+    output_derivatives,
+    profile_end,
+)
 from flexarm.identification.missing import missing_effects
 from flexarm.identification.record import (
     MEASURED,
@@ -25,12 +31,14 @@ from flexarm.identification.record import (
 )
 from flexarm.identification.result import aligned, number_of
 from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Slot, Space, check_free, in_words
+from flexarm.identification.space import Case, Slot, Space, check_free, in_words
 from flexarm.identification.statistics import (
     Column,
     covariance_of,
     fit_percent,
     independence,
+    information,
+    inverse_root,
     own_information,
     undetermined,
     whiteness,
@@ -49,8 +57,8 @@ _EQUAL, _OTHER, _MOST = 0.02, 0.2, 3
 _PERFECT = 99.9
 #: Largest relative change of a parameter at a further start.
 _FAR = 0.7
-#: Half the width of a 95 % interval, in standard deviations.
-_HALF = 1.96
+#: Half the width of a 95 % interval, in standard deviations, and most intervals by profiles.
+_HALF, _MOST_PROFILED = 1.96, 6
 _MEASURES = {
     "fit": ("%", "fit, 100 is perfect"),
     "rms": ("", "RMS of the residuals, SI units"),
@@ -66,6 +74,7 @@ class Assessment(NamedTuple):
     initial: xr.Dataset
     undetermined: tuple[str, ...]
     missing: tuple[str, ...]  # effects that the model lacks
+    weak: tuple[int, ...] = ()  # places of parameters that the data do not determine
 
 
 def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
@@ -91,7 +100,63 @@ def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
         _table(problem, fit, covariance, np.flatnonzero(~physical)),
         tuple(sentences),
         tuple(effect.sentence for effect in missing),
+        tuple(sorted({int(np.flatnonzero(physical)[k]) for places, _ in lost for k in places})),
     )
+
+
+def profiled(problem: FitProblem, fit: Fit, assessment: Assessment) -> xr.Dataset:
+    """Return the table of parameters, with intervals of weak ones by the profile likelihood.
+
+    A parameter is fixed at values on both sides of its estimate, and all others are fitted, until
+    the cost rises by that of a 95 % interval, times the square of the stated deviation over that
+    from the derivatives (Raue et al., Bioinformatics 25 (2009) 1923).
+    """
+    problem.restore(fit)
+    columns, priors, physical = information_of(problem, fit)
+    curvature = information(columns) + np.diag(priors)
+    acting = np.flatnonzero(np.diag(curvature) > 0.0)
+    root = inverse_root(curvature[np.ix_(acting, acting)])
+    table = assessment.parameters.copy(deep=True)
+    rows = np.flatnonzero(physical).tolist()
+    for place in [k for k in assessment.weak if k in acting][:_MOST_PROFILED]:
+        row = rows.index(place)
+        column = root @ root[acting.tolist().index(place)]
+        deviation = float(np.sqrt(column[acting == place][0]))
+        stated = float(table["standard_deviation"][row])
+        widened = stated / deviation if np.isfinite(stated) else 1.0
+        direction = np.zeros(fit.vector.size)
+        direction[acting] = column / deviation**2
+        first = min(_HALF * stated, max(abs(fit.vector[place]), problem.space.scale[place]))
+        for name, sign in (("interval_start", -1.0), ("interval_end", 1.0)):
+            if table["lower" if sign < 0.0 else "upper"][row] == fit.vector[place]:
+                continue
+            change = sign * first * direction
+            rise = 0.5 * (_HALF * widened) ** 2
+            table[name][row] = profile_end(problem, fit, place, change, rise)
+    return table
+
+
+def estimate_errors(
+    run: RecordRun, arm: Arm, shared: Case, free: Sequence[FreeParameter], parameters: xr.Dataset
+) -> FloatArray | None:
+    """Return changes (samples, channels, k) of a record's outputs by errors of the estimates.
+
+    They are independent, of one standard deviation each. None if they cannot be computed.
+    """
+    common = [parameter for parameter in free if not parameter.per_record]
+    table = parameters.sel(parameter=[p.path for p in common], other=[p.path for p in common])
+    deviation = table["standard_deviation"].values
+    kept = np.flatnonzero(np.isfinite(deviation))
+    if not kept.size:
+        return None
+    space = Space(arm, shared.motors, common, {run.name: run.record}, shared.errors)
+    slopes = output_derivatives(run, space, 0, space.start, kept)
+    if isinstance(slopes, str):
+        return None
+    sizes = deviation[kept]
+    values, vectors = np.linalg.eigh(table["correlation"].values[np.ix_(kept, kept)])
+    root = sizes[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(slopes @ root)
 
 
 def information_of(
@@ -167,7 +232,8 @@ def alternatives_of(problem: FitProblem, best: Fit, fits: Sequence[Fit | None]) 
         present = problem.rms_of(fit.outputs)
         ratios = [present[t] / v if v else np.inf for t, v in rms.items() if v or present[t]]
         worse = max(ratios, default=1.0) - 1.0
-        changes = np.abs(fit.vector - best.vector) / np.maximum(np.abs(best.vector), 1e-300)
+        size = np.maximum(np.abs(best.vector), _AT_BOUND * problem.space.scale)
+        changes = np.abs(fit.vector - best.vector) / size
         order = [k for k in np.argsort(-changes) if not problem.space.slots[k].initial]
         named = [k for k in order if changes[k] > _OTHER][:_MOST]
         if worse < _EQUAL and named:
@@ -219,8 +285,15 @@ def _listed(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def fits_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> xr.Dataset:
-    """Return fit, RMS and tests of the residuals (record, channel)."""
+def fits_of(
+    runs: Sequence[RecordRun],
+    outputs: Sequence[FloatArray],
+    errors: Sequence[FloatArray | None] = (),
+) -> xr.Dataset:
+    """Return fit, RMS and tests of the residuals (record, channel).
+
+    ``errors`` (samples, channels, k) of each record are those of ``estimate_errors``.
+    """
     channels = list(dict.fromkeys(label.text for run in runs for label in run.labels))
     shape = len(runs), len(channels)
     values = {name: np.full(shape, np.nan) for name in _MEASURES}
@@ -232,7 +305,9 @@ def fits_of(runs: Sequence[RecordRun], outputs: Sequence[FloatArray]) -> xr.Data
             values["rms"][place] = np.sqrt(np.mean(residuals[good] ** 2))
             values["whiteness"][place] = whiteness(residuals, good)
             inputs = run.record.inputs.values()
-            driven = [independence(residuals, good, signal) for signal in inputs]
+            moved = errors[row] if errors else None
+            moved = None if moved is None else moved[:, c]
+            driven = [independence(residuals, good, x, errors=moved) for x in inputs]
             tested = [probability for probability in driven if np.isfinite(probability)]
             if tested:  # the smallest of several probabilities (Bonferroni)
                 values["independence"][place] = min(1.0, len(tested) * min(tested))

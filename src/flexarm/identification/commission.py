@@ -50,7 +50,7 @@ from flexarm.identification.record import (
     label_of,
     with_columns,
 )
-from flexarm.identification.result import Identification, stage_rows
+from flexarm.identification.result import LAST_PART, Identification, stage_rows
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import (
     Case,
@@ -235,7 +235,7 @@ class _Commissioning:
 
     def last_parts(self) -> dict[str, MeasuredRecord]:
         """Return the records that judge the stages, by their names in results."""
-        return {f"{n}, last part": self._held(r, False) for n, r in self._records.items()}
+        return {f"{n}{LAST_PART}": self._held(r, False) for n, r in self._records.items()}
 
     def _held(self, record: MeasuredRecord, following: bool) -> MeasuredRecord:
         """Return a record whose first part is not compared; its joints may be prescribed."""

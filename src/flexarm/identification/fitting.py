@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -26,6 +27,10 @@ _GUESS, _LEAST = 0.1, 1e-7
 #: Relative changes of the sum of squares or of the parameters that end the fit.
 COARSE, _FINE = 1e-3, 1e-6
 
+#: Most fits for one end of a profile, evaluations of each, tolerance of the root of the rise, root
+#: below which the cost is flat, and deviation of the prior that holds a parameter, relative to its
+#: change.
+_PROFILED, _EACH, _NEAR, _FLAT, _NARROW = 10, 8, 0.05, 0.2, 1e-3
 #: Samples of the beginning of each record that is fitted first.
 _BEGINNING = 1000
 #: Called with the evaluation's number, the sum of squares, and runs and outputs of all records.
@@ -68,8 +73,12 @@ class FitProblem:
                     self.noise[label.text] = max(guess, self.noise.get(label.text, 0.0))
         self.noise |= {text: value for text, value in known.items() if text in self.noise}
         self._guess = dict(self.noise)
-        slots = space.slots
-        self._priors = [k for k, slot in enumerate(slots) if np.isfinite(slot.prior_deviation)]
+        self.set_priors()
+
+    def set_priors(self) -> None:
+        """Compare the parameters that have priors with them."""
+        slots = enumerate(self.space.slots)
+        self._priors = [k for k, slot in slots if np.isfinite(slot.prior_deviation)]
 
     def beginning(self) -> FitProblem | None:
         """Return the problem of the beginnings of all records; None if they are short."""
@@ -345,6 +354,66 @@ def other_fits(
         except FitFailure:
             continue
     return fits
+
+
+def profile_end(
+    problem: FitProblem, best: Fit, place: int, change: FloatArray, rise: float
+) -> float:
+    """Return the value of a parameter at which the best fit of all others costs ``rise`` more.
+
+    Its bound, or an infinite value, if the cost does not rise so much. ``change`` (parameters,) is
+    the first one to try, for all parameters; its sign gives the side. A search that does not
+    converge ends at the outer end of its bracket.
+    """
+    value, step = best.vector[place], change[place]
+    bound = problem.space.bounds[int(step > 0.0)][place]
+    start = best.vector
+    # Distance and root of the rise, which is nearly proportional to it: those below 1, and above.
+    inside, outside = (0.0, 0.0), (np.inf, np.inf)
+    for _ in range(_PROFILED):
+        target = value + step
+        beyond = not min(value, bound) <= target <= max(value, bound)
+        target = bound if beyond else target
+        moved = start + change * ((target - start[place]) / change[place])
+        fit = _pinned(problem, moved, place, _NARROW * abs(change[place]))
+        root = np.inf if fit is None else np.sqrt(max(fit.cost - best.cost, 0.0) / rise)
+        if root <= 1.0 and beyond:
+            return float(bound)
+        distance = abs(target - value)
+        if root <= 1.0:
+            inside = distance, root
+            start = start if fit is None else fit.vector
+        else:
+            outside = distance, root
+        if abs(root - 1.0) < _NEAR:
+            return float(target)
+        if np.isinf(outside[0]):
+            distance *= min(max(1.0 / max(root, 1e-9), 1.5), 4.0)
+        elif np.isinf(outside[1]) or inside[1] < _FLAT:
+            distance = 0.5 * (inside[0] + outside[0])
+        else:
+            share = (1.0 - inside[1]) / (outside[1] - inside[1])
+            distance = inside[0] + share * (outside[0] - inside[0])
+        step = np.copysign(distance, step)
+    return float(value + np.copysign(outside[0], step))
+
+
+def _pinned(problem: FitProblem, start: FloatArray, place: int, width: float) -> Fit | None:
+    """Return the fit of all parameters but one from a start; None if it fails."""
+    # The parameter has a narrow prior in place of its own one. The cost contains the latter.
+    slots = list(problem.space.slots)
+    slots[place] = replace(slots[place], prior=start[place], prior_deviation=width)
+    pinned = copy(problem)
+    pinned.space = copy(problem.space)
+    pinned.space.slots = slots
+    pinned.set_priors()
+    try:
+        scaled, converged, _ = _minimum(pinned, pinned.scaled(start), "linear", _EACH, _FINE)
+    except FitFailure:
+        return None
+    vector = problem.vector(scaled)
+    outputs = problem.outputs(vector)
+    return None if outputs is None else problem.fit(vector, outputs, converged)
 
 
 def random_start(space: Space, random: np.random.Generator) -> FloatArray:

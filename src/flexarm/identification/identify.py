@@ -33,9 +33,11 @@ from flexarm.identification.assessment import (
     Assessment,
     alternatives_of,
     assessed,
+    estimate_errors,
     fits_by_channel,
     fits_of,
     histories_of,
+    profiled,
     weakest_direction,
 )
 from flexarm.identification.prediction import PredictedRun, PredictionProblem
@@ -193,17 +195,27 @@ def identified(
             best, assessment = _best(problem, tried)
     shared = space.case(None, best.vector)
     estimated = Arm(shared.spec)
+    table = assessment.parameters
+    simulated = best.converged and loss == LOSSES[0] and not isinstance(runs[0], PredictedRun)
+    if simulated and assessment.weak:
+        table = profiled(problem, best, assessment)
     predicted = [_predicted(run, estimated, shared, parameters, best, iterations) for run in others]
+    errors = [
+        None
+        if isinstance(run, PredictedRun)
+        else estimate_errors(run, estimated, shared, parameters, table)
+        for run in others
+    ]
     fit = fits_of(runs, best.outputs)
     result = Identification(
         arm=estimated,
         arms={run.name: Arm(space.case(k, best.vector).spec) for k, run in enumerate(runs)},
         motors=shared.motors,
-        parameters=assessment.parameters,
+        parameters=table,
         initial=assessment.initial,
         undetermined=assessment.undetermined,
         fit=fit,
-        validation=fits_of(others, predicted),
+        validation=fits_of(others, predicted, errors),
         histories={**histories_of(runs, best.outputs), **histories_of(others, predicted)},
         noise=best.noise,
         torque_noise=best.torque_noise,

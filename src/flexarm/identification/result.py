@@ -17,14 +17,19 @@ from flexarm.base.notebook import html_table
 from flexarm.base.references import package_version
 from flexarm.base.writing.places import AnyPath
 from flexarm.identification.record import is_number
+from flexarm.identification.space import in_words
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Motors
 from flexarm.model.file_format.files import arm_spec_of_text, content_of, file_text
 
 #: Probability below which a test of residuals fails.
 SIGNIFICANT = 0.01
+#: Ends of an interval, and difference of its halves, relative to their sum, that is printed.
+_INTERVAL, _UNEVEN = ("interval_start", "interval_end"), 0.05
 #: Magnitude from which the correlation of two estimates is printed.
 _RELATED = 0.8
+#: Ending of the names of records that are the last parts of fitted ones.
+LAST_PART = ", last part"
 #: Columns of the tables of parameters and of fits.
 HEADS = ("parameter", "start", "estimate", "std. deviation", "")
 RELATED_HEADS = ("parameter", "and", "correlation")
@@ -131,7 +136,12 @@ class Identification:
         for name in self.parameters["parameter"].values.tolist():
             one = self.parameters.sel(parameter=name)
             numbers = (float(one[k]) for k in ("start", "estimate", "standard_deviation"))
-            remark = "at its bound" if bool(one["at_bound"]) else ""
+            start, end, value = (float(one[k]) for k in (*_INTERVAL, "estimate"))
+            limited = end > start and np.isfinite([start, end]).any()
+            uneven = limited and not abs(end - 2.0 * value + start) < _UNEVEN * (end - start)
+            remarks = ["at its bound"] if bool(one["at_bound"]) else []
+            remarks += [f"95 %: {start:.3g} to {end:.3g}"] if uneven else []
+            remark = ", ".join(remarks)
             table.append((name, *(f"{value:.5g}" for value in numbers), remark))
         return table
 
@@ -140,12 +150,13 @@ class Identification:
         """Sentences about a fit that has not converged and about doubts in the estimates."""
         hint = "Raise iterations, or give the noise of the channels."
         unfinished = [] if self.converged else [f"The fit has not converged. {hint}"]
-        return [*unfinished, *self.undetermined, *self.alternatives, *self.missing]
+        doubts = [*unfinished, *self.undetermined, *self.alternatives, *self.missing]
+        return doubts + _at_bounds(self.parameters) + _failed(self.fit) + _failed(self.validation)
 
     def __str__(self) -> str:
         lines = [*self.findings]
         if self.stages:
-            lines.append(aligned([*stage_rows(self.stages)]))
+            lines += [aligned([*stage_rows(self.stages)]), stage_note(self)]
         if self.parameters.sizes["parameter"]:
             lines.append(aligned([HEADS, *self.rows()]))
         if related(self.parameters):
@@ -194,7 +205,54 @@ def stage_rows(stages: xr.Dataset) -> list[tuple[str, ...]]:
     return rows
 
 
-_TESTS = ("whiteness", "independence")
+def stage_note(result: Identification) -> str:
+    """Return why the table of stages and the last fit of ``commission`` differ."""
+    whole = not all(name.endswith(LAST_PART) for name in result.validation["record"].values)
+    return (
+        "Stages are coarse fits of the first 70 % of each record, compared on the rest; joints "
+        'follow their measured angles in "links". The last fit is that of all kept parameters to '
+        f"full accuracy{', of the whole records' if whole else ''}, so its numbers differ."
+    )
+
+
+def _at_bounds(parameters: xr.Dataset) -> list[str]:
+    """Return a sentence for each estimate at a bound."""
+    sentences = []
+    for name in parameters["parameter"].values[parameters["at_bound"].values].tolist():
+        path, _, record = name.partition(" ")
+        words = f"{in_words(path)} {record}".strip()
+        bound = f"{number_of(parameters, name, 'estimate'):.4g}"
+        sentences.append(
+            f"The estimate of the {words} is at its bound, {bound}: "
+            "the data prefer a value beyond it. Widen the bound, or look for an effect that acts "
+            "in the same way."
+        )
+    return sentences
+
+
+def _failed(fits: xr.Dataset) -> list[str]:
+    """Return sentences on tests of residuals that failed."""
+    sentences = []
+    for test, text in _TESTS.items():
+        bad = (fits[test] <= SIGNIFICANT).values
+        places = [
+            f"{fits['channel'].values[c]} of {fits['record'].values[r]}"
+            for r, c in np.argwhere(bad).tolist()
+        ]
+        if places:
+            share = f"{float(100.0 - fits['fit'].values[bad].min()):.2g} %"
+            sentences.append(
+                f"{test.capitalize()} failed for {', '.join(places)}: {text}".format(share)
+            )
+    return sentences
+
+
+#: Tests of residuals, and what their failure means.
+_TESTS = {
+    "whiteness": "the residuals are correlated over time. Standard deviations contain the effect.",
+    "independence": "the residuals depend on the inputs, so the model lacks an effect, of at most "
+    "{} of the signal. If this is too much, refine the elements, or free more parameters.",
+}
 
 
 def fit_rows(fits: xr.Dataset) -> list[tuple[str, str, str, str, str, str]]:

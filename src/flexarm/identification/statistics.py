@@ -99,12 +99,18 @@ def whiteness(residuals: FloatArray, valid: NDArray[np.bool_], lags: int = LAGS)
 
 
 def independence(
-    residuals: FloatArray, valid: NDArray[np.bool_], signal: FloatArray, lags: int = LAGS
+    residuals: FloatArray,
+    valid: NDArray[np.bool_],
+    signal: FloatArray,
+    lags: int = LAGS,
+    errors: FloatArray | None = None,
 ) -> float:
     """Return the probability of correlations as large as those between residuals and an input.
 
     Residuals that depend on past inputs (0 to ``lags`` samples) give a small value, residuals that
-    are correlated over time for another reason do not. NaN without residuals or input.
+    are correlated over time for another reason do not. NaN without residuals or input. ``errors``
+    (samples, k) are independent changes of the residuals by errors of the estimates, of one
+    standard deviation each.
     """
     from scipy.stats import chi2
 
@@ -120,6 +126,11 @@ def independence(
     vectors = vectors[:, values > 1e-6 * values[-1]]
     crossed = vectors.T @ (past @ residuals)
     expected = scale * vectors.T @ coloured_information([column]) @ vectors
+    if errors is not None:
+        moved = (
+            vectors.T @ past @ np.where(valid[:, None], errors - errors[valid].mean(axis=0), 0.0)
+        )
+        expected += moved @ moved.T
     statistic = float(crossed @ np.linalg.pinv(expected, hermitian=True) @ crossed)
     return float(chi2.sf(statistic, crossed.size))
 
@@ -198,9 +209,7 @@ def covariance_of(
     block = np.ix_(determined, determined)
     if determined.any():
         coloured = (coloured_information(columns) + np.diag(priors) - curvature)[block]
-        size = np.sqrt(np.diag(curvature)[determined])
-        values, vectors = np.linalg.eigh(curvature[block] / np.outer(size, size))
-        root = vectors / np.sqrt(np.maximum(values, _SINGULAR * values[-1])) / size[:, None]
+        root = inverse_root(curvature[block])
         inverse = root @ root.T
         # The sum equals the usual product for residuals that are not white, but it does not lose
         # the variance of combinations whose curvature is zero.
@@ -213,6 +222,14 @@ def covariance_of(
         total = total * np.outer(larger, larger)
         covariance[block] = total + sum(np.outer(s[determined], s[determined]) for s in shifts)
     return covariance
+
+
+def inverse_root(curvature: FloatArray) -> FloatArray:
+    """Return R of the inverse R R^T of a matrix with a positive diagonal that may be singular."""
+    size = np.sqrt(np.diag(curvature))
+    values, vectors = np.linalg.eigh(curvature / np.outer(size, size))
+    root = vectors / np.sqrt(np.maximum(values, _SINGULAR * values[-1])) / size[:, None]
+    return np.asarray(root)
 
 
 def _block_deviations(

@@ -26,6 +26,9 @@ from flexarm.arm.beams.assembly import (
 )
 from flexarm.base.errors import InputError, Problem, check_array, shown
 
+#: Legendre coefficients of a cubic on (-1, 1) from the means, over its left and its right half, of
+#: the cubic and of its product with the first Legendre polynomial of the half.
+_CUBIC = np.array([[2.0, 0, 2, 0], [-3, 3, 3, 3], [0, -8, 0, 8], [4, 12, -4, 12]]) / 4.0
 #: Dimensions up to this size, and down to its inverse, have powers within the range of floats.
 _LARGEST = 1e50
 
@@ -117,6 +120,32 @@ class LinkConstants:
         It is discontinuous at element ends; the value is that of the outboard element.
         """
         return self._shapes(x, 2)
+
+    def recovered_curvature(self, x: object) -> FloatArray:
+        """Evaluate Psi' at stations x (k,) from the bending moment of two elements: (k, m).
+
+        In statics the integrals of the moment over an element, and over its first Legendre
+        polynomial, are exact whatever the rigidity. The cubic polynomial with these integrals in
+        the two elements nearest to a station, divided by the rigidity there, therefore has an error
+        of fourth order in the length of elements; that of `curvature` is of second order except
+        near Gauss points (R.23). Equal to `curvature` with one element.
+        """
+        stations = self._stations(x)
+        if self.elements == 1:
+            return self.curvature(stations)
+        table = self.table
+        quadrature = beam_quadrature(table.x, self.elements)
+        h, s, element = quadrature.element_length, quadrature.points, quadrature.element
+        legendre = np.polynomial.legendre.legvander
+        weights = quadrature.weights * np.interp(s, table.x, table.flexural_rigidity) / h
+        tests = weights[:, None] * legendre(2.0 * quadrature.xi - 1.0, 1)
+        integrals = np.zeros((self.elements, 2, self.w2.size))
+        np.add.at(integrals, element, tests[:, :, None] * self.curvature(s)[:, None, :])
+        first = np.clip(np.rint(stations / h).astype(int) - 1, 0, self.elements - 2)
+        moments = integrals[first[:, None] + np.arange(2)].reshape(first.size, 4, -1)
+        weights = legendre(stations / h - first - 1.0, 3) @ _CUBIC
+        rigidity = np.interp(stations, table.x, table.flexural_rigidity)
+        return np.asarray(np.einsum("ki,kim->km", weights, moments) / rigidity[:, None])
 
     def _shapes(self, x: object, derivative: int) -> FloatArray:
         stations = self._stations(x)

@@ -33,6 +33,7 @@ def identify(
         RELATED_HEADS,
         fit_rows,
         related,
+        stage_note,
         stage_rows,
     )
 
@@ -49,6 +50,7 @@ def identify(
     if guided:
         heads, *rows = stage_rows(identification.stages)
         print_line(numbers("Stages: fit on parts that no stage fits", heads, rows))
+        print_line(stage_note(identification))
     print_line(numbers("Estimates", HEADS, identification.rows()))
     pairs = related(identification.parameters)
     if pairs:

@@ -16,6 +16,7 @@ from flexarm.identification.result import (
     Identification,
     fit_rows,
     related,
+    stage_note,
     stage_rows,
 )
 from flexarm.identification.statistics import LAGS, correlation_of, cross_correlation
@@ -54,7 +55,7 @@ def identification_page(engine: Any, result: Identification, title: str, notes: 
         style=style() + text_of("report.css"),
         version=clean(result.flexarm_version),
         writer=package_version(),
-        warnings=[clean(text) for text in _warnings(result)],
+        warnings=[clean(text) for text in [*result.findings, *result.remarks]],
         figures=rows,
         estimates=_estimates(result),
         matrix=fits.matrix_picture([clean(name) for name in names], matrix) if drawn else "",
@@ -63,33 +64,13 @@ def identification_page(engine: Any, result: Identification, title: str, notes: 
             f"Fit and tests are those of the {what}. 100 % is perfect, 0 % as good as the mean. "
             "Whiteness: residuals are not correlated over time. Independence: residuals are not "
             f"correlated with past inputs. A test fails if its probability is below "
-            f"{SIGNIFICANT:g}."
+            f"{SIGNIFICANT:g}." + (f" {stage_note(result)}" if result.stages else "")
         ),
         records=[_record(result, name, table) for name, table in result.histories.items()],
         about=about_arm(result.arm),
         files=[file_item("identified.yaml", file_text(result.arm.spec))],
     )
     return page
-
-
-def _warnings(result: Identification) -> list[str]:
-    texts = [*result.findings, *result.remarks]
-    bound = result.parameters["parameter"].values[result.parameters["at_bound"].values].tolist()
-    if bound:
-        texts.append(f"The estimates of {', '.join(bound)} are at their bounds.")
-    failed = [
-        f"{channel} of {record} ({test})"
-        for table in (result.fit, result.validation)
-        for record, channel, *_, white, independent in fit_rows(table)
-        for test, passed in (("whiteness", white), ("independence", independent))
-        if passed == "failed"
-    ]
-    if failed:
-        texts.append(
-            f"Tests of residuals failed: {', '.join(failed)}. The model lacks something that the "
-            "data show; the standard deviations do not contain it."
-        )
-    return texts
 
 
 def _estimates(result: Identification) -> list[Table]:
