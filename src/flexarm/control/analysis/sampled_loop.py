@@ -22,7 +22,11 @@ from flexarm.control.analysis.linear_controller import (
 )
 from flexarm.control.contract.base import Controller, Reference, around
 from flexarm.control.design.linear_design import held
-from flexarm.control.design.minimal import MinimalCoordinates
+from flexarm.control.design.minimal import (
+    MinimalCoordinates,
+    sliding_rate,
+    without_dry_friction,
+)
 from flexarm.control.hardware.measurement import FloatArray, faulty, filter_of, stride_and_delay
 from flexarm.linear.models.state_space import OutputName, component_places
 from flexarm.model import Contact, Hardware, Instrument, InstrumentFault, Motors, Sensor
@@ -299,34 +303,14 @@ class Sliding(NamedTuple):
 
 def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Sliding:
     """Remove dry friction, unless the controller models it and there is no ``reference``."""
-    believed = [getattr(law, "arm", None) for law in around(controller)]
-    rate = max([0.0, *(_sliding_rate(arm) for arm in believed if isinstance(arm, Arm))])
+    # Linear designs are those of sliding joints, and feed no friction back.
+    laws = (law for law in around(controller) if not hasattr(law, "designs"))
+    believed = [getattr(law, "arm", None) for law in laws]
+    rate = max([0.0, *(sliding_rate(arm) for arm in believed if isinstance(arm, Arm))])
     if rate > 0.0 and reference is None:
         return Sliding(0.0, arms)
-    free = {id(arm): _without_dry_friction(arm) for arm in arms}
+    free = {id(arm): without_dry_friction(arm) for arm in arms}
     return Sliding(rate, tuple(free[id(arm)] for arm in arms))
-
-
-def _sliding_rate(arm: Arm) -> float:
-    """Return a rate (rad/s) above which dry friction is constant to 1e-7, or zero without it."""
-    every = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
-    rates = [
-        (10.0 * one.model_rate, 4.0 * one.stribeck_rate)
-        for one in every
-        if any((one.coulomb, one.static, one.coulomb_negative))
-    ]
-    return max((max(pair) for pair in rates), default=0.0)
-
-
-def _without_dry_friction(arm: Arm) -> Arm:
-    """Return an arm with viscous friction only; the same object if there is no dry friction."""
-    if not _sliding_rate(arm):
-        return arm
-    dry = {"coulomb": 0.0, "static": None, "coulomb_negative": None}
-    dry |= {"bristle_stiffness": None, "bristle_damping": 0.0}
-    frictions = [joint.friction and joint.friction.replace(**dry) for joint in arm.spec.joints]
-    pairs = zip(arm.spec.joints, frictions, strict=True)
-    return Arm(arm.spec.replace(joints=[joint.replace(friction=own) for joint, own in pairs]))
 
 
 def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[Instrument]:

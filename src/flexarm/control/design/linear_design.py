@@ -148,7 +148,7 @@ def design(
     inputs = tuple(dict.fromkeys(["torque", *requirements.disturbance]))
     arm, elastic, unbalanced = coordinates.arm, coordinates.elastic, coordinates.unbalanced
     rest = coordinates.at_rest(posture)
-    model = coordinates.linearized(rest, inputs, names)
+    model = coordinates.linearized(rest, inputs, names, sliding=True)
     A, B_all = sampled(model, sample_time, np.eye(len(model.mass))[:, unbalanced])
     n, m = len(A), arm.n_joints
     # Passive joints have no torque: their columns of zeros leave their gains zero.

@@ -9,6 +9,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.control.design.linear_design import held
+from flexarm.control.design.minimal import without_dry_friction
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.linearize import linearize
@@ -62,6 +63,7 @@ def shaped_design(
     """
     from scipy.signal import cont2discrete
 
+    arm = without_dry_friction(arm)
     model = linearize(arm, equilibrium(arm, posture), outputs=("joint_angle", "joint_rate"))
     slope: FloatArray = model.A.copy()
     slope[arm.dof :, arm.dof :] -= added_damping(arm, model, DAMPING * given.rigidity_uncertainty)

@@ -147,10 +147,18 @@ class MinimalCoordinates:
         return np.asarray(whole[:, ~drift] + whole[:, drift] @ follow)
 
     def linearized(
-        self, rest: Equilibrium, inputs: Sequence[InputName], outputs: Sequence[OutputName]
+        self,
+        rest: Equilibrium,
+        inputs: Sequence[InputName],
+        outputs: Sequence[OutputName],
+        sliding: bool = False,
     ) -> LinearModel:
-        """Return the linear model at an equilibrium in these coordinates and their rates."""
-        model = linearize(self.arm, rest, inputs=inputs, outputs=outputs)
+        """Return the linear model at an equilibrium in these coordinates and their rates.
+
+        ``sliding`` joints have no dry friction.
+        """
+        arm = without_dry_friction(self.arm) if sliding else self.arm
+        model = linearize(arm, rest, inputs=inputs, outputs=outputs)
         if self.chosen.size == self.arm.dof:
             return model
         names, units = state_names(self.arm)
@@ -216,3 +224,25 @@ def refuse_damped_drift(arm: Arm) -> None:
         if name in arm.spec.base.free and damping[k] > 0.0 and stiffness[k] == 0.0:
             rule = "be zero without a spring for a linear design"
             raise InputError(Problem(f"arm.base.damping[{k}]", rule, shown(damping[k])))
+
+
+def sliding_rate(arm: Arm) -> float:
+    """Return a rate (rad/s) above which dry friction is constant to 1e-7, or zero without it."""
+    every = [joint.friction for joint in arm.spec.joints if joint.friction is not None]
+    rates = [
+        (10.0 * one.model_rate, 4.0 * one.stribeck_rate)
+        for one in every
+        if any((one.coulomb, one.static, one.coulomb_negative))
+    ]
+    return max((max(pair) for pair in rates), default=0.0)
+
+
+def without_dry_friction(arm: Arm) -> Arm:
+    """Return an arm with viscous friction only; the same object if there is no dry friction."""
+    if not sliding_rate(arm):
+        return arm
+    dry = {"coulomb": 0.0, "static": None, "coulomb_negative": None}
+    dry |= {"bristle_stiffness": None, "bristle_damping": 0.0}
+    frictions = [joint.friction and joint.friction.replace(**dry) for joint in arm.spec.joints]
+    pairs = zip(arm.spec.joints, frictions, strict=True)
+    return Arm(arm.spec.replace(joints=[joint.replace(friction=own) for joint, own in pairs]))

@@ -59,7 +59,6 @@ from flexarm.control.design.nominal import (
     PreviewedReference,
     RecordedRun,
 )
-from flexarm.linear.models.linearize import linearize
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model.arm.spec import UNDRIVEN
 from flexarm.model.drives.linear import CompositeParameters, LQGParameters
@@ -547,7 +546,7 @@ class Composite(CompositeParameters, LQG):
         weighted = self.acceptable or {}
         arm, joints, elastic = self.arm, self.arm.joint_index, self._model.elastic
         rest = equilibrium(arm, item.posture)
-        model = linearize(arm, rest, outputs=tuple(weighted))
+        model = self._coordinates.linearized(rest, ("torque",), tuple(weighted), sliding=True)
         M, k = model.mass, elastic.size
         K = model.stiffness[np.ix_(elastic, elastic)]
         flexibility = np.asarray(np.linalg.inv(K), dtype=np.float64)

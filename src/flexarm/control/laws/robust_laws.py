@@ -48,6 +48,7 @@ from flexarm.control.design.loop_shaping import (
     shaped_design,
     shaping,
 )
+from flexarm.control.design.minimal import without_dry_friction
 from flexarm.control.design.nominal import Interpolated, PostureGrid
 from flexarm.control.laws.joint_laws import JointFollower
 from flexarm.linear.models.linearize import linearize
@@ -339,6 +340,7 @@ def uncertain_plant(
     sample_time: float,
 ) -> UncertainPlant:
     """Return the plant of a design at rest in a posture, with the uncertainty of varied arms."""
+    arm = without_dry_friction(arm)
     model = linearize(arm, equilibrium(arm, posture), outputs=("joint_angle", "joint_rate"))
     n, slope = arm.dof, model.A.copy()
     # Full complex blocks contain negative loss factors, with which light damping is unstable.

@@ -36,6 +36,7 @@ from flexarm.control.contract.base import (
 )
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import check_sample_time
+from flexarm.control.design.minimal import without_dry_friction
 from flexarm.control.design.nominal import (
     FlexibleModel,
     Interpolated,
@@ -140,7 +141,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         self._observed = _inverse(self._strains @ shapes.T, "be observed by the gauges", count)
         self._driven = self._joint_motion(shapes, moved)
         elastic = self._model.elastic
-        self._linear = model = linearize(arm, rest)
+        self._linear = model = linearize(without_dry_friction(arm), rest)
         stiffness = model.stiffness[np.ix_(elastic, elastic)]
         self._bend = self._strains[:, elastic] @ np.linalg.inv(stiffness)
         self._warn_of_growth(float(found.frequency_hz[: most + 1].max()))

@@ -381,8 +381,16 @@ def _refusal(
         return f"No candidate is stable on {_arms(needs)}. {hint}"
     if refusal := found[chosen].refusal:
         return f"No candidate is accepted: {chosen}, the best one, {refusal}. {hint}"
-    if table["score"].sel(candidate=chosen).isnull().any():
+    score = table["score"].sel(candidate=chosen)
+    if score.isnull().any():
         return f"No candidate is accepted: {chosen} does not complete its runs. {hint}"
+    if needs.task != "force" and score.max() > _MISSED * needs.arm.reach:
+        return (
+            f"No candidate is accepted: {chosen}, the best one, misses its goal by "
+            f"{_amount(needs, float(score.max()))}, more than {_MISSED:.0%} of the reach, although "
+            "its linear loop is stable: its motors or the friction of its joints may prevent the "
+            f"motion. {hint}"
+        )
     return ""
 
 
@@ -399,6 +407,8 @@ _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
 _SETTLED = 10.0
 #: Error of the tip, relative to the reach, that a run by default does not resolve.
 _RESOLVED = 1e-5
+#: Error of the tip, relative to the reach, of runs that failed.
+_MISSED = 0.05
 #: Share of a run with a motor at its limit above which the reasons mention it.
 _LIMITED = 0.1
 #: Recorded samples in a period of the lowest frequency.
