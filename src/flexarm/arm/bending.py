@@ -22,6 +22,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, Piece
 from flexarm.arm.assembly.coordinates import once_per_arm, station_of
 from flexarm.base.errors import LargeDeflectionWarning, warn_caller
+from flexarm.model.arm.links import Link, ModalDamping
 
 #: Error of a link relative to its length above which a state is reported: 10 % deflection of a link
 #: in one piece in the linear theory, 20 % in the second-order theory.
@@ -142,8 +143,21 @@ def theory_error(arm: Arm, states: FloatArray) -> str:
     if segments > 1:
         advice = f"Use {use}{'or ' if use else ''}more segments on that link"
     else:
-        advice = f"Use {use}{'and ' if use else ''}segments=2 to 4 on that link"
+        advice = f"Use {use}{'and ' if use else ''}{_pieces(arm.spec.links[link])} on that link"
     return f"{fact}: the {theory} theory misplaces the tip by about {error}. {advice}; {_PAGE}"
+
+
+def _pieces(link: Link) -> str:
+    """Return the fields with which a link has two to four segments."""
+    counts = [str(k) for k in (2, 3, 4) if link.elements % k == 0]
+    fields = f"segments={' or '.join(counts)}" if counts else "elements=4 and segments=2 or 4"
+    if isinstance(link.damping, ModalDamping):
+        beam = link.beam()  # the lowest frequency of a clamped uniform one
+        omega = 1.875104**2 * math.sqrt(beam.flexural_rigidity[0] / beam.mass_per_length[0])
+        ratio = np.ravel(link.damping.ratio)[0]
+        coefficient = 2.0 * ratio * link.length**2 / omega
+        fields += f" (damped by a stiffness_coefficient of {coefficient:.2g} s)"
+    return fields
 
 
 def too_far_deviated(arm: Arm, states: FloatArray) -> str:

@@ -265,7 +265,7 @@ class _Window:
             return
         ui.navigate.history.replace(f"#{link}")
         self._linked = True
-        self._status.set_text("the address of this page is the link")
+        self._status.set_text("the address of this page is the link, for this browser")
 
     def _follow(self, event: GenericEventArguments) -> None:
         """Open the link that was in the address of the page."""
@@ -350,6 +350,7 @@ class _Window:
 
     def _put(self, project: Project) -> None:
         self.history.put(project)
+        self._client.run_javascript("flexarmStudio.begin()")
         self._refresh()
 
     def _refresh(self) -> None:

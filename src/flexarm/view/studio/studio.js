@@ -6,6 +6,7 @@ window.flexarmStudio = (function () {
   let current = null; // its data
   let ghost = null; // data of the run before it
   let settled = null; // data of the last picture of a released slider: the ghost of the next one
+  let fresh = false; // whether the next picture is of another arm
   const wanted = { rigid: true, previous: true }; // which ghosts are drawn
 
   // The server answers with the number of the picture alone if it is shown already.
@@ -31,8 +32,15 @@ window.flexarmStudio = (function () {
   function draw() {
     const scenes = current.scenes.map((scene) => (wanted.rigid ? scene : { ...scene, ghost: null }));
     if (!load) load = makePlayer(place(), { ...current, scenes });
-    else load({ ...current, scenes }, wanted.previous ? ghost : null);
+    else load({ ...current, scenes }, wanted.previous ? ghost : null, fresh);
+    fresh = false;
     placeHandles();
+  }
+
+  // Forget the runs of the arm before.
+  function begin() {
+    settled = null;
+    fresh = true;
   }
 
   // Handles on the picture for the points of the motion: [path, name, [x, y] in m].
@@ -161,5 +169,5 @@ window.flexarmStudio = (function () {
     event.preventDefault();
     document.querySelector("." + name).click();
   });
-  return { show, focus, follow, toggleDark, points: setPoints };
+  return { show, begin, focus, follow, toggleDark, points: setPoints };
 })();

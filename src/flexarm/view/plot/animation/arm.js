@@ -34,7 +34,7 @@ function drawArm(scene, canvas, middle, half, frame, span) {
     if (scene.drawnBy !== magnify) [scene.drawnPath, scene.drawnBy] = [magnifiedPath(scene), magnify];
     const gone = scene.drawnPath.filter((_, k) => scene.pathTimes[k] <= scene.times[frame]);
     line(draw, gone.concat([tip]), toX, toY, VERMILLION, 1.5);
-    entries.push(["tip", VERMILLION]);
+    entries.push(["tip" + (magnify === 1 ? "" : " × " + magnify), VERMILLION]);
   }
   if (scene.previous) {
     const before = scene.previous, last = before.times.length - 1;
@@ -63,7 +63,8 @@ function drawArm(scene, canvas, middle, half, frame, span) {
     line(draw, [[gx - 4, gy + 4], [gx + 4, gy - 4]], (v) => v, (v) => v, GREEN, 1.5);
   }
   draw.restore();
-  legend(draw, entries, box.left + side, 14);
+  const rows = rowsOf(draw, entries, side).slice(0, 2);
+  rows.forEach((row, k) => legend(draw, row, box.left + side, rows.length > 1 ? 8 + 13 * k : 14));
   draw.fillStyle = INK;
   draw.textAlign = "right";
   draw.textBaseline = "top";

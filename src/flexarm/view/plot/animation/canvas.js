@@ -161,6 +161,16 @@ function legend(draw, entries, right, y) {
   }
 }
 
+// Rows of entries, each as long as the width permits.
+function rowsOf(draw, entries, width) {
+  const rows = [[]];
+  for (const entry of entries) {
+    const row = rows[rows.length - 1];
+    if (row.length && legendWidth(draw, [...row, entry]) > width) rows.push([entry]); else row.push(entry);
+  }
+  return rows;
+}
+
 function legendWidth(draw, entries) {
   const width = ([text, , , number, reserved]) => draw.measureText(text).width + 32 + (number ? reserved + 6 : 0);
   return entries.reduce((sum, entry) => sum + width(entry), 0);

@@ -103,11 +103,7 @@ function namesOf(history) { return history.labels.map((label, j) => [label, hist
 function namesBelow(draw, history, width) {
   const names = namesOf(history);
   if (legendWidth(draw, names) <= width - draw.measureText(history.title).width - 12) return [];
-  const rows = [[]];
-  for (const name of names) {
-    const row = rows[rows.length - 1];
-    if (row.length && legendWidth(draw, [...row, name]) > width) rows.push([name]); else row.push(name);
-  }
+  const rows = rowsOf(draw, names, width);
   return rows.length > 2 ? [] : rows;
 }
 

@@ -235,12 +235,13 @@ if (window.IntersectionObserver) {
 }
 if (!calm && frames > 1) start();
 
-// Show other data at the time that is shown, in the same canvases if the histories are the same.
-function load(next, previous) {
+// Show other data at the time that is shown, in the same canvases if the histories are the same;
+// `fresh` data of another arm by the factor on the bending that was chosen for them.
+function load(next, previous, fresh) {
   const titles = () => data.scenes.map((scene) => scene.histories.map((history) => history.title)).join();
   const now = timeNow(), before = titles();
   data = next;
-  keepMagnify();
+  if (fresh) setFactors(); else keepMagnify();
   data.scenes.forEach((scene, s) => setPrevious(scene, previous && previous.scenes[s]));
   measure();
   if (titles() !== before) build();
