@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -28,14 +29,16 @@ The angle $\varphi$ of the panel shall follow a reference; body and panel are me
 satellite of a textbook, and the same problem as an arm with an elastic joint. Two of its
 controllers are printed with their numbers:
 
-- *State feedback*, $\tau = k_r\varphi_r - K(\theta, \varphi, \dot\theta, \dot\varphi)$, with prescribed poles.
-- *Nested loops*: the outer loop $\theta_r = k_P(\varphi_r - \varphi) - k_D\dot\varphi$ commands the inner
-  one, a PD law of the body. The panel stops short of its reference, at a steady gain that is printed.
+- *State feedback*, $\tau = k_r\varphi_r - K(\theta, \varphi, \dot\theta, \dot\varphi)$, with
+  prescribed poles.
+- *Nested loops*: the outer loop $\theta_r = k_P(\varphi_r - \varphi) - k_D\dot\varphi$ commands the
+  inner one, a PD law of the body. The panel stops short of its reference, at a steady gain that is
+  printed.
 
-The loop of the printed gains is as printed. With the outer gains of the second controller, the slow
-pair of poles of the whole arm has a frequency of 0.44 rad/s and a damping ratio of 0.35. The text
-wants 0.22 rad/s and 0.9: its linear equations for the gains have $J_p b$ where its polynomial has
-$b\,\omega^2$, and were solved for a ratio of 0.707.
+State feedback agrees in every printed digit. With the nested loops, the slow pair of poles of the
+whole arm has a frequency of 0.44 rad/s and a damping ratio of 0.35. The text requests 0.22 rad/s
+and 0.9: its linear equations for the gains have $J_p b$ where its polynomial has $b\,\omega^2$,
+and were solved for a ratio of 0.707.
 
 The package: `fa.linearize` with the outputs that are fed back, `fa.simulate` with a controller of
 one's own. The joint has `rotor_inertia`, `stiffness` and `damping`; the link has `flexible=False`.
@@ -46,7 +49,9 @@ def arm(numbers: dict[str, float]) -> fa.Arm:
     """Body and panel: rotor of an elastic joint, and a rigid rod of 1 m about it."""
     rod = fa.Link(length=1.0, mass_per_length=3.0 * numbers["panel"], flexible=False)
     spring = {name: numbers[name] for name in ("stiffness", "damping")}
-    return fa.Arm(links=[rod], joints=[fa.Joint(rotor_inertia=numbers["body"], **spring)], gravity=0)
+    with warnings.catch_warnings():  # no arm on earth has such a soft spring
+        warnings.simplefilter("ignore", fa.ImplausibleValueWarning)
+        return fa.Arm(links=[rod], joints=[fa.Joint(rotor_inertia=numbers["body"], **spring)])
 
 
 def model(numbers: dict[str, float]) -> tuple[FloatArray, FloatArray]:
@@ -76,8 +81,8 @@ def runs() -> dict[str, xr.Dataset]:
         "nested loops": (CASCADE, gains, reference_gain),
     }
     return {
-        name: StateFeedback(SIGNALS, law, 0.2 * per_reference, 0.01).run(
-            arm(known.values), 60.0, 20.0
+        name: StateFeedback(SIGNALS, law, 0.2 * per_reference, 0.02).run(
+            arm(known.values), 90.0, 20.0
         )
         for name, (known, law, per_reference) in laws.items()
     }
@@ -98,12 +103,12 @@ def quantities() -> list[Row]:
                 digits = rounding_digits(value, 4) - 0.4
                 reason = "the last printed digit, and the printed gains"
                 quantity = f"{name}, coefficient of s^{power}"
-                rows.append(
-                    Row(quantity, "1", STATE.source, value, float(ours), digits, reason)
-                )
+                rows.append(Row(quantity, "1", STATE.source, value, float(ours), digits, reason))
     poles = np.roots([1.0, *known["closed"]])
     gains = place_poles(A, B, poles).gain_matrix[0]
-    for name, value, ours in zip(("hub", "panel", "hub rate", "panel rate"), printed, gains, strict=True):
+    for name, value, ours in zip(
+        ("hub", "panel", "hub rate", "panel rate"), printed, gains, strict=True
+    ):
         reason = "poles from coefficients with four decimals"
         rows.append(
             Row(f"gain on {name}", "1", STATE.source, float(value), float(ours), 5.0, reason)
@@ -115,7 +120,7 @@ def quantities() -> list[Row]:
     settled = float(runs()["nested loops"].link_angle.values[-1, 0]) / 0.2
     theirs = CASCADE.values["steady"]
     digits = rounding_digits(theirs, 4)
-    quantity = "nested loops, panel angle over reference after 60 s"
+    quantity = "nested loops, panel angle over reference after 90 s"
     rows.append(Row(quantity, "1", CASCADE.source, theirs, settled, digits, rounding))
     return rows
 

@@ -15,7 +15,10 @@ from gallery.case import Case, Row
 from gallery.drawing import OURS
 from gallery.references import reference
 
-UNDAMPED, PRINTER = reference("control", "shapers_undamped"), reference("control", "shapers_printer")
+UNDAMPED, PRINTER = (
+    reference("control", "shapers_undamped"),
+    reference("control", "shapers_printer"),
+)
 COLOURS = {"zv": BLUE, "zvd": VERMILLION, "zvdd": GREEN, "ei": INK}
 
 PHYSICS = r"""
@@ -118,7 +121,7 @@ CASE = Case(
     physics=PHYSICS,
     quantities=quantities,
     draw=draw,
-    caption="Lines: `fa.shaper_sensitivity`. Points: simulated beams. Vertical strokes: the printed "
-    "tolerances for 10 %.",
+    caption="Lines: `fa.shaper_sensitivity`. Points: simulated beams. Vertical strokes: the "
+    "tolerances for 10 % that the first source prints.",
     module="gallery/cases/shaper_tolerance.py",
 )
