@@ -133,7 +133,7 @@ def draw(figure: Figure) -> None:
         axes.plot(t, result.joint_angle.values[:, 0], color=colour, linewidth=0.7, alpha=0.6)
     axes.axhline(0.2, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
     axes.axhline(0.2 * CASCADE.values["steady"], color=INK, linewidth=0.6, linestyle=":")
-    axes.set(xlabel="time [s]", ylabel="angle [rad]", xlim=(0, 40))
+    axes.set(xlabel="time [s]", ylabel="angle [rad]", xlim=(0, 30))
     axes.set_title("Body with a flexible panel, step of 0.2 rad")
     legend_above(axes)
 
