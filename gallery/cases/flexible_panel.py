@@ -35,7 +35,7 @@ controllers are printed with their numbers:
   inner one, a PD law of the body. The panel stops short of its reference, at a steady gain that is
   printed.
 
-State feedback agrees in every printed digit. With the nested loops, the slow pair of poles of the
+State feedback agrees to five or six digits. With the nested loops, the slow pair of poles of the
 whole arm has a frequency of 0.44 rad/s and a damping ratio of 0.35. The text requests 0.22 rad/s
 and 0.9: its linear equations for the gains have $J_p b$ where its polynomial has $b\,\omega^2$,
 and were solved for a ratio of 0.707.
