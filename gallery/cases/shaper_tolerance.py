@@ -24,10 +24,10 @@ COLOURS = {"zv": BLUE, "zvd": VERMILLION, "zvdd": GREEN, "ei": INK}
 PHYSICS = r"""
 Singer and Seering's shapers split a motion into delayed copies whose vibrations cancel. They need
 the frequency; the more copies, the larger the error that they tolerate. A manufacturer of stages
-and a firmware of printers print how large. Here a joint turns a beam by 0.6 degrees in 0.3 periods, exactly along the shaped
-motion, and the vibration that is left is measured in a simulation of the beam, and divided by that
-after the motion without shaping. The frequency that the shaper believes is varied until 10 % or
-5 % are left.
+and a firmware of printers print how large. Here a joint turns a beam by 0.6 degrees in 0.3 periods,
+exactly along the shaped motion, and the vibration that is left is measured in a simulation of the
+beam, and divided by that after the motion without shaping. The frequency that the shaper believes
+is varied until 10 % or 5 % are left.
 
 Both tables are for practice. The first is without damping, as the beam here, and rounded down to
 whole percents. The second is called approximate in its source, and covers damping ratios from 0.05
