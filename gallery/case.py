@@ -96,11 +96,13 @@ class Page:
 
     Attributes:
         name: of its file, words joined by hyphens. title: its heading. cases: in order.
+        introduction: Markdown before the first case.
     """
 
     name: str
     title: str
     cases: tuple[Case, ...]
+    introduction: str = ""
 
 
 def rounding_digits(value: float, decimals: int) -> float:

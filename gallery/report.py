@@ -174,7 +174,8 @@ def page_text(page: Page, results: Results) -> str:
     """The text of a page, with the results of its cases."""
     own = {case.name: rows for case, rows in results}
     sections = [case_text(case, own[case.name]) for case in page.cases]
-    return "\n".join([f"# {page.title}\n\n[All cases](index.md).\n", *sections])
+    head = [f"# {page.title}", "[All cases](index.md).", page.introduction.strip()]
+    return "\n".join(["\n\n".join(filter(None, head)) + "\n", *sections])
 
 
 def write_page(folder: Path, page: Page, results: Results) -> None:

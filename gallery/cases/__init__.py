@@ -13,22 +13,36 @@ from gallery.cases import (
     elastica,
     euler_column,
     flexible_bars,
+    flexible_panel,
     flying_spaghetti,
     four_bar,
     free_flyer,
     hub,
+    laboratory_arm,
     link_modes,
     own_weight,
     payload,
     pendulum,
     rotary_inertia,
     rotating_beam,
+    shaper_tolerance,
     slewing,
     slider_crank,
     spin_up,
     two_link_frequencies,
     two_link_motion,
 )
+
+CONTROL = """
+Controllers that were published with numbers, on the published arm. The reference values are those
+that the source prints; where they differ by more than their last digit, the reason says why.
+
+No text with both the numbers of the arm and of its results could be had of Cannon and Schmitz
+(1984), Bayo (1987), Singer and Seering (1990), Wang and Vidyasagar (1991), De Luca and Siciliano
+(1993), Kwon and Book (1994), Tokhi and Azad, Luo and Guo (1997), Moallem et al. (1997), Benosman
+and Le Vey (2004), Sasaki et al. (2012), Moradi et al. (2013) and Quanser's flexible link, so they
+are left out.
+"""
 
 PAGES: tuple[Page, ...] = (
     Page(
@@ -64,6 +78,12 @@ PAGES: tuple[Page, ...] = (
             free_flyer.CASE,
             flying_spaghetti.CASE,
         ),
+    ),
+    Page(
+        "control",
+        "Published controllers",
+        (laboratory_arm.CASE, flexible_panel.CASE, shaper_tolerance.CASE),
+        CONTROL,
     ),
 )
 

@@ -14,6 +14,7 @@ from gallery.two_link import LENGTHS, ROD
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import eigh
 from scipy.optimize import brentq
+from scipy.signal import lsim
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc, jv
 
 #: Accuracy of Ritz's method with sixteen polynomials, and of the last printed digits.
@@ -324,3 +325,61 @@ def test_beam_values_equal_those_of_the_beam_tests():
     }
     for case in other["pinned"]:
         assert pinned[case["hub"], case["tip_mass"], case["tip_inertia"]] == case["beta_L"]
+
+
+def spring_model(body, panel, stiffness, damping):
+    """Return A and B of two bodies on a spring; states: both angles, both rates."""
+    A = np.zeros((4, 4))
+    A[0, 2] = A[1, 3] = 1.0
+    A[2] = np.array([-stiffness, stiffness, -damping, damping]) / body
+    A[3] = np.array([stiffness, -stiffness, damping, -damping]) / panel
+    return A, np.array([[0.0], [0.0], [1.0 / body], [0.0]])
+
+
+@pytest.mark.sampled("0")
+@pytest.mark.parametrize("number", range(8))
+def test_laboratory_arm(number):
+    known = values("control", "laboratory")
+    L, inertia = known["length"], (known["bar_mass"] / 3 + known["tip_mass"]) * known["length"] ** 2
+    stiffness = (2 * np.pi * known["locked_hz"]) ** 2 * inertia
+    A, B = spring_model(known["hub_inertia"], inertia, stiffness, 0.0)
+    ratio, constant = known["gear_ratio"], known["torque_constant"]
+    per_volt = ratio * constant / known["resistance"]
+    A[2, 2] -= per_volt * ratio * constant / known["hub_inertia"]
+    run = known["runs"][number]
+    K1, K2, K3, K4 = run["gains"]
+    gains = np.array([[K1 - L * K2, L * K2, K3 - L * K4, L * K4]])
+    t = np.arange(0.0, 1.2, 0.001)
+    outputs = np.array([[1.0, 0, 0, 0], [-L, L, 0, 0]])
+    loop = (A - per_volt * B @ gains, per_volt * K1 * B, outputs, np.zeros((2, 1)))
+    angle, deflection = lsim(loop, np.ones_like(t), t)[1].T
+    # Every printed digit.
+    assert t[np.argmax(np.abs(angle - 1) < 0.05)] == pytest.approx(run["time"], abs=1e-9)
+    assert 100 * np.max(np.abs(deflection)) == pytest.approx(run["deflection"], abs=0.0051)
+
+
+def test_state_feedback_of_the_panel():
+    known = values("control", "panel_state")
+    A, B = spring_model(*(known[name] for name in ("body", "panel", "stiffness", "damping")))
+    loop = A - B @ np.array([known["gains"]])
+    np.testing.assert_allclose(np.poly(A)[1:], known["open"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.poly(loop)[1:], known["closed"], rtol=0, atol=5.1e-5)
+    steady = -np.linalg.solve(loop, B)[1, 0]
+    assert 1 / steady == pytest.approx(known["reference_gain"], abs=2e-4)
+
+
+def test_nested_loops_of_the_panel():
+    known = values("control", "panel_cascade")
+    A, B = spring_model(*(known[name] for name in ("body", "panel", "stiffness", "damping")))
+    (kp, kd), (outer_kp, outer_kd) = known["inner"], known["outer"]
+    loop = A - B @ np.array([[kp, kp * outer_kp, kd, kp * outer_kd]])
+    steady = -kp * outer_kp * np.linalg.solve(loop, B)[1, 0]
+    assert steady == pytest.approx(known["steady"], abs=5e-5)
+    slow = min(np.linalg.eigvals(loop), key=abs)
+    assert abs(slow) == pytest.approx(0.44, abs=5e-3)
+    assert -slow.real / abs(slow) == pytest.approx(0.35, abs=5e-3)
+    # The printed equations for the gains, which miss a factor, with a damping ratio of 0.707.
+    k, b, omega, ratio = known["stiffness"], known["damping"], 0.22, 0.707
+    matrix = [[k, -known["panel"] * b], [b, k - 2 * b * ratio * omega]]
+    right = [-k + known["panel"] * omega**2, -b + 2 * known["panel"] * ratio * omega]
+    np.testing.assert_allclose(np.linalg.solve(matrix, right), known["outer"], rtol=2e-4)
