@@ -64,6 +64,16 @@ def test_a_section_can_be_given_for_a_link_without_one() -> None:
         fa.stress(run, sections={2: TUBE})
 
 
+def test_one_section_for_a_tapered_link_gives_a_warning() -> None:
+    rigidity = 210e9 * TUBE.second_moment
+    table = fa.SectionTable(
+        x=[0.0, LENGTH], flexural_rigidity=[rigidity, 0.4 * rigidity], mass_per_length=[2.0, 2.0]
+    )
+    run = held(cantilever(material=None, section=None, table=table))
+    with pytest.warns(fa.AccuracyWarning, match="rigidity falls to 40% along it"):
+        fa.stress(run, sections={1: TUBE})
+
+
 def test_what_is_missing_is_named() -> None:
     run = held(cantilever())
     with pytest.raises(fa.InputError, match=r"no forces inside the links.*stations"):

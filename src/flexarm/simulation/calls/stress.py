@@ -42,6 +42,8 @@ _REVERSALS = 0.2
 _SEEN = 512
 #: Plausible categories of details, Pa: those of EN 1993-1-9 are 36 to 160 MPa.
 _CATEGORIES = 1e6, 1e9
+#: Ratio of the largest and least flexural rigidity of a link that is no longer uniform.
+_TAPERED = 1.05
 _SECTION = "a fa.Rectangle, fa.Circle, fa.Tube or fa.Box"
 
 
@@ -74,6 +76,9 @@ def stress(
     Raises:
         InputError: if the result has no forces inside the links, no link has a section, an
             argument is missing, or a fibre is outside.
+
+    Warns:
+        AccuracyWarning: if one section is given for a link whose rigidity changes along it.
 
     Stresses of shear and at notches are not included. Theory page "recursion", (R.40) to (R.43).
     """
@@ -213,6 +218,14 @@ def _sections(
             rule = f"have numbers of links, 1 to {arm.n_links}"
             raise InputError(Problem("sections", rule, shown(number)))
         check_kind(f"sections[{number}]", section, CrossSection, _SECTION)
+        rigidity = arm.spec.links[number - 1].beam().flexural_rigidity or (1.0,)
+        if max(rigidity) > _TAPERED * min(rigidity):
+            warn_caller(
+                f"sections[{number}] is one section for the whole of link {number}, whose flexural "
+                f"rigidity falls to {min(rigidity) / max(rigidity):.0%} along it: the stress is "
+                "that of the link only where it has this section.",
+                AccuracyWarning,
+            )
     by_link = {number: others.get(number, arm.spec.links[number - 1].section) for number in links}
     if sectioned := {number: section for number, section in by_link.items() if section is not None}:
         return sectioned

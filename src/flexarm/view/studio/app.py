@@ -200,10 +200,10 @@ class _Window:
             pick = f"() => getElement({upload.id}).$refs.qRef.pickFiles()"
             with _button("New", "Start with another arm"), ui.menu():
                 for name, make in PRESETS.items():
-                    ui.menu_item(_sentence(name), lambda make=make: self._put(make()))
+                    ui.menu_item(_sentence(name), lambda make=make: self._begin(make()))
                 ui.menu_item("Cards of the gallery").props("disable")
                 for title, sentence, make in cards():
-                    with ui.menu_item(title, lambda make=make: self._put(make())):
+                    with ui.menu_item(title, lambda make=make: self._begin(make())):
                         ui.label(sentence).classes("caption")
             _button("Open", "Open an arm, scenario or study file").on("click", js_handler=pick)
             with _button("Save", "Save a file"), ui.menu():
@@ -235,7 +235,7 @@ class _Window:
             return
         self._say("")
         self._arms[event.file.name] = project.record.arm
-        self._put(project)
+        self._begin(project)
 
     def _refuse(self, event: GenericEventArguments) -> None:
         """Report a file that was not sent."""
@@ -274,7 +274,7 @@ class _Window:
         except InputError as error:
             self._say(f"The link was not opened: {error}")
             return
-        self._put(project)
+        self._begin(project)
 
     def _enlarge(self, large: bool) -> None:
         self._studio.classes(**{"add" if large else "remove": "lecture"})
@@ -348,9 +348,13 @@ class _Window:
             self._panel.explain(path, "\n".join(problem.statement for problem in error.problems))
             return None
 
+    def _begin(self, project: Project) -> None:
+        """Continue with another arm, whose picture does not show the one before."""
+        self._client.run_javascript("flexarmStudio.begin()")
+        self._put(project)
+
     def _put(self, project: Project) -> None:
         self.history.put(project)
-        self._client.run_javascript("flexarmStudio.begin()")
         self._refresh()
 
     def _refresh(self) -> None:
