@@ -40,7 +40,7 @@ def test_warning_names_the_link_and_its_deflection(side):
     assert str(caught[0].message) == result.attrs["warning"]
     assert result.attrs["warning"] == (
         "link 2 deflects by up to 0.11 m, 11% of its length of 1 m: the linear theory misplaces "
-        "the tip by about 7.2 mm (0.2% of the reach). Use theory='second_order' and segments=2 to "
+        "the tip by about 7.2 mm (0.2% of the reach). Use theory='second_order' and segments=2 or "
         "4 on that link; see docs/how-to/large-deflection.md."
     )
 
