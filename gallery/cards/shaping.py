@@ -1,6 +1,6 @@
 """Input shaping
 
-A shaped motion takes half a period longer and leaves no vibration.
+A shaped motion takes a period longer and leaves no vibration.
 
 [Shape a motion](../how-to/shape-a-motion.md)
 """

@@ -241,9 +241,8 @@ def _failed(fits: xr.Dataset) -> list[str]:
         ]
         if places:
             share = f"{float(100.0 - fits['fit'].values[bad].min()):.2g} %"
-            sentences.append(
-                f"{test.capitalize()} failed for {', '.join(places)}: {text}".format(share)
-            )
+            meaning = text.format(share)  # alone, because names may contain braces
+            sentences.append(f"{test.capitalize()} failed for {', '.join(places)}: {meaning}")
     return sentences
 
 
