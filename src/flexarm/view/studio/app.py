@@ -329,7 +329,9 @@ class _Window:
         project = self._edited(path, value)
         if project is not None:
             self._panel.explain(path, "")
-            self._ask(Request(project, "preview"))
+            # The last value of a slider may arrive after its release.
+            current = project == self.history.now
+            self._ask(Request(project, "picture" if current else "preview"))
 
     def _commit(self, path: Path, value: Any) -> None:
         project = self._edited(path, value)
