@@ -279,6 +279,18 @@ def test_narrow_screen_needs_no_horizontal_scrolling(page):
     assert_tip(page, 0.0)
 
 
+def test_a_dark_page_is_printed_in_light_colours(page):
+    """The figures are drawn before the style of paper applies."""
+    page.emulate_media(color_scheme="dark")
+    ink = """() => getComputedStyle(document.querySelector('.flexarm-player'))
+        .getPropertyValue('--flexarm-ink')"""
+    assert page.evaluate(ink) == "rgb(230, 230, 230)"
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert page.evaluate(ink) == "rgb(38, 38, 38)"
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert page.evaluate(ink) == "rgb(230, 230, 230)"
+
+
 def test_print_layout_shows_several_postures_and_no_controls(page):
     page.emulate_media(media="print")
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")

@@ -92,8 +92,8 @@ def test_an_unstable_proposal_fails_and_is_not_written(path, tmp_path, monkeypat
     assess = Loops.assess
 
     def unstable(self, drive):
-        one = assess(self, drive)
-        return one._replace(margins={**one.margins, "growth": 1.0, "disk_margin": 0.0})
+        one, _ = assess(self, drive)
+        return one._replace(margins={**one.margins, "growth": 1.0, "disk_margin": 0.0}), []
 
     monkeypatch.setattr(Loops, "assess", unstable)
     out = tmp_path / "design.yaml"
@@ -101,6 +101,7 @@ def test_an_unstable_proposal_fails_and_is_not_written(path, tmp_path, monkeypat
     outcome = call(path, *options)
     assert outcome.exit_code == 1
     assert "Task hold: error in mm" in outcome.output
+    assert "* is the best one, which is refused" in outcome.output
     assert "No candidate is stable on the model" in outcome.output
     assert "no candidate is accepted, so no scenario is written" in outcome.output
     assert not out.exists()

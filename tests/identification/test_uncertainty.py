@@ -154,6 +154,11 @@ def test_estimates_at_bounds_and_failed_tests_are_explained():
     assert "Whiteness failed for joint_angle_1 of record 1, strain_1 of record 1" in text
     dependent = replace(found, fit=found.fit.assign(independence=0.0 * found.fit["rms"]))
     assert "Independence failed for joint_angle_1 of record 1, strain_1" in str(dependent)
+    assert " % of the signal unexplained." in str(dependent)
+    unknown = dependent.fit.assign(fit=np.nan * found.fit["rms"]).assign_coords(record=["{2}"])
+    text = str(replace(dependent, fit=unknown))
+    assert "Independence failed for joint_angle_1 of {2}" in text
+    assert "unexplained" not in text
     assert "at its bound" in fa.report(found.to_dataset())
 
 

@@ -340,8 +340,8 @@ def varied(
     return changed
 
 
-#: Divisions of the links whose stations an arm keeps, and samples whose shapes one call computes.
-_KEPT, _TOGETHER = 8, 64
+#: Divisions of the links whose stations an arm keeps, and most points that one call computes.
+_KEPT, _TOGETHER = 8, 20_000
 
 
 def shapes_along(arm: Arm, q: FloatArray, stations: int) -> FloatArray:
@@ -354,16 +354,17 @@ def shapes_along(arm: Arm, q: FloatArray, stations: int) -> FloatArray:
     states = arm.padded(np.stack([q, np.zeros_like(q)], axis=1))
     sizes, body_poses = arm.assembly.sizes, np.empty((len(q), arm.assembly.bodies, POSE_COLUMNS))
     poses_many(sizes, arm.assembly.run_constants, states, body_poses, np.empty((len(q), 6)))
-    # The bodies of several samples, as if they were those of one arm, because one call is quicker.
-    several = max(1, min(len(q), _TOGETHER))
-    bodies = (arm.assembly.bodies * np.arange(several)[:, None] + placed.body).ravel()
-    at = [np.concatenate([part] * several) for part in (placed.x, placed.rows, placed.shortening)]
+    # A call for the points of many samples, as those of an arm with more bodies, is quicker.
+    batch = max(1, min(len(q), _TOGETHER // len(placed.x)))
+    bodies = (arm.assembly.bodies * np.arange(batch)[:, None] + placed.body).ravel()
+    parts = placed.x, placed.rows, placed.shortening
+    columns = [np.concatenate([part] * batch) for part in parts]
     shapes = np.empty((len(q), arm.n_links * stations, 2))
-    for first in range(0, len(q), several):
-        state = np.concatenate(states[first : first + several], axis=1)
-        points = shapes[first : first + several].reshape(-1, 2)
-        x, rows, shortening = (part[: len(points)] for part in at)
-        body = np.concatenate(body_poses[first : first + several])
+    for first in range(0, len(q), batch):
+        state = np.concatenate(states[first : first + batch], axis=1)
+        points = shapes[first : first + batch].reshape(-1, 2)
+        x, rows, shortening = (column[: len(points)] for column in columns)
+        body = np.concatenate(body_poses[first : first + batch])
         axis_points(sizes, state, body, bodies[: len(points)], x, rows, shortening, points)
     return check_result(shapes, q).reshape(len(q), arm.n_links, stations, 2)
 

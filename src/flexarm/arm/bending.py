@@ -148,16 +148,17 @@ def theory_error(arm: Arm, states: FloatArray) -> str:
 
 
 def _pieces(link: Link) -> str:
-    """Return the fields with which a link has two to four segments."""
+    """Return the advice that divides a link into two to four segments."""
     counts = [str(k) for k in (2, 3, 4) if link.elements % k == 0]
-    fields = f"segments={' or '.join(counts)}" if counts else "elements=4 and segments=2 or 4"
+    more = f"elements={4 * math.ceil(link.elements / 4)} and segments=2 or 4"
+    advice = f"segments={' or '.join(counts)}" if counts else more
     beam = link.beam()
     if isinstance(link.damping, ModalDamping) and beam.flexural_rigidity:
         # The lowest frequency of a clamped link with the properties of the root.
         omega = 1.875104**2 * math.sqrt(beam.flexural_rigidity[0] / beam.mass_per_length[0])
         coefficient = 2.0 * np.ravel(link.damping.ratio)[0] * link.length**2 / omega
-        fields += f" (damped by a stiffness_coefficient of {coefficient:.2g} s)"
-    return fields
+        advice += f", with rayleigh damping (stiffness_coefficient {coefficient:.2g} s),"
+    return advice
 
 
 def too_far_deviated(arm: Arm, states: FloatArray) -> str:

@@ -132,7 +132,8 @@ def profiled(problem: FitProblem, fit: Fit, assessment: Assessment) -> xr.Datase
                 continue
             change = sign * first * direction
             rise = 0.5 * (_HALF * widened) ** 2
-            table[name][row] = profile_end(problem, fit, place, change, rise)
+            end = profile_end(problem, fit, place, change, rise)
+            table[name][row] = table[name][row] if np.isnan(end) else end
     return table
 
 

@@ -27,10 +27,11 @@ _GUESS, _LEAST = 0.1, 1e-7
 #: Relative changes of the sum of squares or of the parameters that end the fit.
 COARSE, _FINE = 1e-3, 1e-6
 
-#: Most fits for one end of a profile, evaluations of each, tolerance of the root of the rise, root
-#: below which the cost is flat, and deviation of the prior that holds a parameter, relative to its
-#: change.
-_PROFILED, _EACH, _NEAR, _FLAT, _NARROW = 10, 8, 0.05, 0.2, 1e-3
+#: Most fits for one end of a profile, evaluations of each, and how often these are repeated.
+_PROFILED, _EACH, _AGAIN = 10, 8, 3
+#: Tolerance of the root of the rise, root below which the cost is flat, and deviation of the prior
+#: that holds a parameter, relative to its change.
+_NEAR, _FLAT, _NARROW = 0.05, 0.2, 1e-3
 #: Samples of the beginning of each record that is fitted first.
 _BEGINNING = 1000
 #: Called with the evaluation's number, the sum of squares, and runs and outputs of all records.
@@ -361,9 +362,9 @@ def profile_end(
 ) -> float:
     """Return the value of a parameter at which the best fit of all others costs ``rise`` more.
 
-    Its bound, or an infinite value, if the cost does not rise so much. ``change`` (parameters,) is
-    the first one to try, for all parameters; its sign gives the side. A search that does not
-    converge ends at the outer end of its bracket.
+    Its bound, or an infinite value, if the cost does not rise so much; NaN if the fits beyond the
+    last good one fail. ``change`` (parameters,) is the first one to try, for all parameters; its
+    sign gives the side. A search that does not converge ends at the outer end of its bracket.
     """
     value, step = best.vector[place], change[place]
     bound = problem.space.bounds[int(step > 0.0)][place]
@@ -381,8 +382,8 @@ def profile_end(
             return float(bound)
         distance = abs(target - value)
         if root <= 1.0:
-            inside = distance, root
-            start = start if fit is None else fit.vector
+            assert fit is not None
+            inside, start = (distance, root), fit.vector
         else:
             outside = distance, root
         if abs(root - 1.0) < _NEAR:
@@ -395,6 +396,8 @@ def profile_end(
             share = (1.0 - inside[1]) / (outside[1] - inside[1])
             distance = inside[0] + share * (outside[0] - inside[0])
         step = np.copysign(distance, step)
+    if np.isinf(outside[1]) and np.isfinite(outside[0]):
+        return float("nan")
     return float(value + np.copysign(outside[0], step))
 
 
@@ -407,8 +410,11 @@ def _pinned(problem: FitProblem, start: FloatArray, place: int, width: float) ->
     pinned.space = copy(problem.space)
     pinned.space.slots = slots
     pinned.set_priors()
+    scaled, converged = pinned.scaled(start), False
     try:
-        scaled, converged, _ = _minimum(pinned, pinned.scaled(start), "linear", _EACH, _FINE)
+        for _ in range(_AGAIN):  # an unfinished fit costs too much, and the end would be too near
+            if not converged:
+                scaled, converged, _ = _minimum(pinned, scaled, "linear", _EACH, _FINE)
     except FitFailure:
         return None
     vector = problem.vector(scaled)

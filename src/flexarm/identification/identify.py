@@ -136,7 +136,8 @@ def identify(
             estimated by default; 0 gives output error.
         iterations: most evaluations of the residuals of a fit from one start: those of the
             beginnings of long records, which are fitted first, and of all rounds in which the noise
-            is estimated anew.
+            is estimated anew. Intervals of parameters that the data do not determine are computed
+            after the fit: by up to ten short fits for each end, of at most six parameters.
         contacts: of all runs, as in ``simulate``. Prediction errors do not support them.
         integrator, step, rtol, atol, settings: of all runs, as in ``simulate``.
         progress: True prints the fit of each channel after each evaluation; None does so on a

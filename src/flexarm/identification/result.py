@@ -240,17 +240,18 @@ def _failed(fits: xr.Dataset) -> list[str]:
             for r, c in np.argwhere(bad).tolist()
         ]
         if places:
-            share = f"{float(100.0 - fits['fit'].values[bad].min()):.2g} %"
-            meaning = text.format(share)  # alone, because names may contain braces
-            sentences.append(f"{test.capitalize()} failed for {', '.join(places)}: {meaning}")
+            sentences.append(f"{test.capitalize()} failed for {', '.join(places)}: {text}")
+            share = 100.0 - float(fits["fit"].values[bad].min())
+            if test == "independence" and 0.0 <= share <= 100.0:
+                sentences[-1] += f" The fit leaves at most {share:.2g} % of the signal unexplained."
     return sentences
 
 
 #: Tests of residuals, and what their failure means.
 _TESTS = {
     "whiteness": "the residuals are correlated over time. Standard deviations contain the effect.",
-    "independence": "the residuals depend on the inputs, so the model lacks an effect, of at most "
-    "{} of the signal. If this is too much, refine the elements, or free more parameters.",
+    "independence": "the residuals depend on the inputs, so the model lacks an effect. If the fit "
+    "is too poor, refine the elements, or free more parameters.",
 }
 
 

@@ -127,16 +127,17 @@ def _numbers(name: str, text: str | None) -> list[float] | None:
 
 def _errors_of(proposal: ControllerDesign) -> object:
     """Return the table of the errors of all candidates on the simulated arms."""
+    from flexarm.planning.proposals.candidates import NOT_SIMULATED
+
     table = proposal.table
     factor, unit = (1.0, "N") if proposal.task == "force" else (1e3, "mm")
     rows = []
     for name in table["candidate"].values:
         case = table.sel(candidate=name)
-        errors = [
-            f"{factor * value:.3g}" if isfinite(value) else "failed"
-            for value in case["score"].values
-        ]
-        cells = [*errors, f"{float(case['torque_peak'].max()):.3g}"]
+        without = "refused" if NOT_SIMULATED in str(case["failure"].values[0]) else "failed"
+        values = *(factor * case["score"].values), float(case["torque_peak"].max())
+        cells = [f"{value:.3g}" if isfinite(value) else without for value in values]
         rows.append([f"{name} *" if name == proposal.chosen else str(name), *cells])
-    title = f"Task {proposal.task}: error in {unit} on each arm; * is proposed"
+    best = "the best one, which is refused" if proposal.refusal else "proposed"
+    title = f"Task {proposal.task}: error in {unit} on each arm; * is {best}"
     return numbers(title, ["candidate", *map(str, table["plant"].values), "peak N m"], rows)

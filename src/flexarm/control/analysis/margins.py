@@ -342,7 +342,7 @@ def _at(loop: SampledLoop, angles: FloatArray) -> ComplexArray:
 def _of_joint(
     L: ComplexArray, real: FloatArray, at: FloatArray, values: ComplexArray, sample_time: float
 ) -> tuple[float, float, float, float]:
-    """Return the margins, but the disk margin, of the loop opened at one joint.
+    """Return the margins of the loop opened at one joint, without the disk margin.
 
     Args:
         L: its return ratio at all frequencies.

@@ -303,8 +303,7 @@ class Sliding(NamedTuple):
 
 def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Sliding:
     """Remove dry friction, unless the controller models it and there is no ``reference``."""
-    # Linear designs are those of sliding joints, and feed no friction back.
-    laws = (law for law in around(controller) if not hasattr(law, "designs"))
+    laws = (law for law in around(controller) if getattr(law, "compensates_friction", True))
     believed = [getattr(law, "arm", None) for law in laws]
     rate = max([0.0, *(sliding_rate(arm) for arm in believed if isinstance(arm, Arm))])
     if rate > 0.0 and reference is None:

@@ -169,6 +169,8 @@ class Controller(ABC):
        of its run alone. If ``analytic`` is true, too, ``step`` accepts complex readings and memory
        and is an analytic function of them, except at limits; its derivatives are then exact.
     7. If ``linearizable`` is false, loops have no poles and margins: too many numbers change.
+    8. If ``compensates_friction`` is false, no feedback depends on the dry friction of its arm:
+       poles and margins are then those of sliding joints, also without a reference.
 
     A class with an ``update`` of its own instead of ``step`` is accepted, and so is any object with
     ``sample_time``, ``reset`` and ``update``: by ``simulate``, ``simulate_batch`` (with a copy,
@@ -180,6 +182,7 @@ class Controller(ABC):
     vectorized: bool = False
     analytic: bool = False
     linearizable: bool = True
+    compensates_friction: bool = True
     exports_plan: bool = False
     _memory: Arrays | None = None
     _rest: Rest | None = None
@@ -460,11 +463,9 @@ class SampledFeedforward:
         self._values: FloatArray = np.zeros((0, 0))
 
     def __call__(self, t: float) -> FloatArray:
-        """Return the torques (joints,) N m at time t (s); a plan gives successive times (T,)."""
+        """Return the torques (joints,) N m at time t (s), of a vectorized function also many."""
         if np.ndim(t) and self._many:
-            self._first = round(t[0] / self._sample_time)  # type: ignore[index]
-            self._values = np.asarray(self._function(t + self._later))
-            return self._values
+            return np.asarray(self._function(t + self._later), dtype=np.float64)
         k = round(t / self._sample_time)
         if not self._many or k < 0 or k * self._sample_time != t:
             return numbers(self._function(t + self._later))

@@ -89,6 +89,7 @@ class LQG(LQGParameters, OfArm, Controller):
     """
 
     vectorized = analytic = True  # along a reference
+    compensates_friction = False
     _unsupported: ClassVar[tuple[str, ...]] = ()
     references: ClassVar[str] = "BrysonHo1975 DoyleStein1981 Maciejowski1985 TahkSpeyer1987"
 

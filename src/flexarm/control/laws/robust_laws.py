@@ -67,6 +67,7 @@ _STILL = 1e-9
 class RobustFollower(JointFollower, RobustParameters, OfArm):
     """Base of controllers that are designed for a sample time, with joint readings alone."""
 
+    compensates_friction = False
     _unsupported = None
 
     _: KW_ONLY

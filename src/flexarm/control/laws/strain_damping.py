@@ -117,6 +117,7 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
 
     inner: Controller
     exports_plan = True
+    compensates_friction = False
 
     def __post_init__(self) -> None:
         arm = self.arm

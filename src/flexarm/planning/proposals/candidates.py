@@ -51,7 +51,7 @@ _RESTING = 1e-5
 _DELAYS, _DAMPED = 2.0, 0.02
 #: Time constants of the slowest pole in which an error falls to a hundredth, and the most periods
 #: of the lowest frequency that they may last.
-_SETTLED, _LONGEST = float(np.log(100.0)), 20.0
+_HUNDREDTH, _MOST_PERIODS = float(np.log(100.0)), 20.0
 #: Frequencies of the joint loops, relative to the lowest frequency with locked joints, and their
 #: damping ratios. Loops above half of that frequency bend the links more than they move them.
 _BANDWIDTHS, _DAMPINGS = (0.15, 0.25, 0.4, 0.6, 1.0, 1.5, 2.5), (0.7, 1.2)
@@ -309,6 +309,8 @@ def _designs(needs: Requirements) -> Drive:
     return {"posture": middle, "schedule": schedule}
 
 
+#: Begin of the failure of refused candidates.
+NOT_SIMULATED = "It is not simulated"
 #: Margins in tables, and their values for an unstable loop.
 _UNSTABLE = {"disk_margin": 0.0, "gain_margin": 1.0, "phase_margin": 0.0, "delay_margin": 0.0}
 
@@ -328,9 +330,9 @@ class Assessed(NamedTuple):
 
     @property
     def refusal(self) -> str:
-        """Why no drive should have these margins; empty if it may."""
+        """The reason for refusing the loop; empty if it is accepted."""
         margin, ratio = self.margins["delay_margin"], self.margins["damping_ratio"]
-        delay, longest = self.needs.delay, _LONGEST * self.needs.period
+        delay, longest = self.needs.delay, _MOST_PERIODS * self.needs.period
         if not self.stable:
             return "is unstable"
         if margin + delay < _DELAYS * delay:
@@ -340,10 +342,12 @@ class Assessed(NamedTuple):
             )
         if ratio < _DAMPED:
             return f"has a damping ratio of {ratio:.2g}, less than {_DAMPED:g}"
-        if self.needs.task != "force" and -self.margins["growth"] * longest < _SETTLED:
+        decay = -self.margins["growth"]
+        if self.needs.task != "force" and decay * longest < _HUNDREDTH:
+            time = f"takes {_HUNDREDTH / decay:.2g} s to fall" if decay > 0.0 else "does not fall"
             return (
-                f"decays by only {-self.margins['growth']:.2g} 1/s: an error does not fall to a "
-                f"hundredth within {_LONGEST:g} periods of the lowest frequency, {longest:.3g} s"
+                f"is too slow: an error {time} to a hundredth, which may take {longest:.2g} s, "
+                f"{_MOST_PERIODS:g} periods of the lowest frequency"
             )
         return ""
 

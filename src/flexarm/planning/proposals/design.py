@@ -32,6 +32,7 @@ from flexarm.model import Hardware, Load, PlantSpec, Scenario, StudySpec, file_t
 from flexarm.model.quantities import Flag
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.planning.proposals.candidates import (
+    NOT_SIMULATED,
     Assessed,
     Candidate,
     Loops,
@@ -266,14 +267,15 @@ def _best(
 def _lacking(
     needs: Requirements, found: Mapping[str, Assessed], candidates: Sequence[Candidate]
 ) -> str:
-    """Return with what the last, simplest candidate is accepted.
+    """Return a change with which the simplest candidate, the last one, is accepted.
 
-    Empty if it is accepted without, or not even with that.
+    Empty if it is accepted without a change, or with none of those that are tried.
     """
     name = candidates[-1].name
     if name in found and not found[name].refusal:
         return ""
-    for cured, cure in _cures(needs, all(one.refusal for one in found.values())):
+    refused = bool(found) and all(each.refusal for each in found.values())
+    for cured, cure in _cures(needs, refused):
         best, _ = _best(cured, case_of(cured), candidates_of(cured)[-1:])
         if best and not best[name].refusal:
             return f"{cure}, {name} is accepted."
@@ -288,9 +290,9 @@ def _cures(needs: Requirements, refused: bool) -> Iterator[tuple[Requirements, s
         if needs.payload or needs.rigidity:
             exact = replace(needs, payload=0.0, rigidity=0.0)
             yield exact, "Without the uncertainty of payload and rigidity"
-        for factor in _SHORTER:
+        for factor in _SHORTER * (needs.delay > 0.0):
             quick = replace(needs, hardware=quicker(needs.hardware, factor))
-            yield quick, f"With a delay of the hardware of {1e3 * quick.delay:.2g} ms"
+            yield quick, f"With {1e3 * quick.delay:.2g} ms of delay and lag of the hardware"
 
 
 def _table(
@@ -312,7 +314,7 @@ def _table(
     def evaluation(name: str, *run: str) -> Evaluation:
         if name in drives:
             return study.evaluation(name, *run)
-        return Evaluation(failure=f"It is not simulated, because it {found[name].refusal}.")
+        return Evaluation(failure=f"{NOT_SIMULATED}, because it {found[name].refusal}.")
 
     with warnings.catch_warnings():  # the table has the warnings of the runs
         warnings.simplefilter("ignore", FlexarmWarning)
@@ -343,7 +345,7 @@ def _wait_until_settled(content: dict[str, Any], found: Mapping[str, Assessed]) 
     run = content["run"]
     if run["settling"]:  # the tasks with a time after the motion
         decays = (-one.margins["growth"] for one in found.values() if not one.refusal)
-        time = float(f"{_SETTLED / min(decays, default=np.inf):.2g}")
+        time = float(f"{_TIME_CONSTANTS / min(decays, default=np.inf):.2g}")
         least = run["settling"] * _AFTER
         end, after = run["duration"] - least, max(least, time)
         content["run"] = run | {
@@ -386,10 +388,9 @@ def _refusal(
         return f"No candidate is accepted: {chosen} does not complete its runs. {hint}"
     if needs.task != "force" and score.max() > _MISSED * needs.arm.reach:
         return (
-            f"No candidate is accepted: {chosen}, the best one, misses its goal by "
-            f"{_amount(needs, float(score.max()))}, more than {_MISSED:.0%} of the reach, although "
-            "its linear loop is stable: its motors or the friction of its joints may prevent the "
-            f"motion. {hint}"
+            f"No candidate is accepted: {chosen}, the best one, is stable in the linear model, but "
+            f"its error ({_ERRORS[needs.task]}) is {_amount(needs, float(score.max()))}, more than "
+            f"{_MISSED:.0%} of the reach. Give the motion more time, or the motors more torque."
         )
     return ""
 
@@ -404,7 +405,7 @@ _DISTURBED = 0.01
 #: start; and time after the motion.
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
 #: Time after the motion in time constants of the slowest pole of a loop.
-_SETTLED = 10.0
+_TIME_CONSTANTS = 10.0
 #: Error of the tip, relative to the reach, that a run by default does not resolve.
 _RESOLVED = 1e-5
 #: Error of the tip, relative to the reach, of runs that failed.

@@ -265,7 +265,7 @@ class _Window:
             return
         ui.navigate.history.replace(f"#{link}")
         self._linked = True
-        self._status.set_text("the address of this page is the link, for this browser")
+        self._status.set_text("the address of this page is the link; it opens in this browser")
 
     def _follow(self, event: GenericEventArguments) -> None:
         """Open the link that was in the address of the page."""

@@ -114,11 +114,9 @@ def _part(request: Request) -> Part:
     coarse = _coarse(project.scenario.run) if preview else {}
     results = {name: _run(side, **coarse) for name, side in sides.items()}
     arm = plant or prepared.arm
-    first, most = (
-        next(iter(results.values())),
-        _PREVIEW_COORDINATES if preview else _MOST_COORDINATES,
-    )
-    times, fps, speed = clock(first, arm.n_links, most // len(results))
+    most = (_PREVIEW_COORDINATES if preview else _MOST_COORDINATES) // len(results)
+    first = next(iter(results.values()))
+    times, fps, speed = clock(first, arm.n_links, most)
     contacts = prepared.options.get("contacts", ())
     drawn = [(arm, result, bool(contacts)) for result in results.values()]
     factor, scenes = factor_of("auto", drawn), []

@@ -53,4 +53,4 @@ def _card(text: str, file: str) -> Project:
     """Return the project of a card; the second drive of a study is shown beside the first."""
     project = open_bytes(text.encode(), file)
     drives = list(getattr(project.record, "drives", {}).values())
-    return replace(project, beside=drives[1]) if drives else project
+    return replace(project, beside=drives[1]) if len(drives) > 1 else project

@@ -4,8 +4,9 @@ const POSTURES = 9; // on paper
 // Draw the scene's arm in the square `view`: middle and half of the side, m.
 function drawArm(scene, canvas, middle, half, frame, span) {
   const [draw, width, height] = context(canvas);
-  const side = Math.min(width - 64, height - 72);
-  const box = { left: 52, top: 28, width: side, height: side };
+  const lines = scene.legendLines || 1, top = 15 + 13 * lines;
+  const side = Math.min(width - 64, height - 44 - top);
+  const box = { left: 52, top, width: side, height: side };
   const x = [middle[0] - half, middle[0] + half], y = [middle[1] - half, middle[1] + half];
   const [toX, toY] = axes(draw, box, x, y, "x [m]", "y [m]", [6, 6]);
   canvas.map = [toX, toY]; // for pages with elements on the picture
@@ -63,8 +64,13 @@ function drawArm(scene, canvas, middle, half, frame, span) {
     line(draw, [[gx - 4, gy + 4], [gx + 4, gy - 4]], (v) => v, (v) => v, GREEN, 1.5);
   }
   draw.restore();
-  const rows = rowsOf(draw, entries, side).slice(0, 2);
-  rows.forEach((row, k) => legend(draw, row, box.left + side, rows.length > 1 ? 8 + 13 * k : 14));
+  const rows = rowsOf(draw, entries, side);
+  if (rows.length !== lines) { // with room for all names
+    scene.legendLines = rows.length;
+    drawArm(scene, canvas, middle, half, frame, span);
+    return;
+  }
+  rows.forEach((row, k) => legend(draw, row, box.left + side, 14 + 13 * k));
   draw.fillStyle = INK;
   draw.textAlign = "right";
   draw.textBaseline = "top";

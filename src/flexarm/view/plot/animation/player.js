@@ -222,7 +222,7 @@ window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", red
 function layOut(paper) {
   printing = paper;
   root.className = "flexarm-player" + (paper ? " printing" : "");
-  root.style.colorScheme = paper ? "light" : "";
+  document.documentElement.style.colorScheme = paper ? "light" : ""; // registered colours are those of the root
   redraw();
 }
 window.addEventListener("beforeprint", () => layOut(true));
