@@ -39,3 +39,5 @@ def compare(batch, runs, arm=ARM, **own):
         assert batch["warning"][k] == " ".join(filter(None, found))
         for name in ("steps", "evaluations", "integrator", "ended_by", "failure"):
             assert batch[name][k] == single.attrs[name], name
+        growth = batch["loop_growth"].values[k] if "loop_growth" in batch else np.nan
+        np.testing.assert_array_equal(growth, single.attrs.get("loop_growth", np.nan))

@@ -422,8 +422,9 @@ def _evaluated(
         if ends[row] == DURATION:
             goal = case.prepared.goal(drive, motion, times)
             metrics = goal.metrics({name: values[row] for name, values in channels.items()})
-            if "saturation" in batch:
-                metrics["saturation"] = float(batch["saturation"].values[row].max())
+            for name, channel in (("saturation", "saturation"), ("growth", "loop_growth")):
+                if channel in batch:
+                    metrics[name] = float(batch[channel].values[row].max())
             found[case.number] = Evaluation(metrics, warning=str(texts[row]))
     return found
 

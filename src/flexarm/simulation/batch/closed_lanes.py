@@ -47,7 +47,7 @@ from flexarm.simulation.calls.preparation import UNBOUNDED, start_of
 from flexarm.simulation.histories.loads import load_history
 from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
 from flexarm.simulation.loop.devices import Acting, Sensing, measured_names
-from flexarm.simulation.loop.stability import AnalysedLoop, Poles, stability
+from flexarm.simulation.loop.stability import AnalysedLoop, Poles, Stability, stability
 from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
 from flexarm.simulation.run.settings import DEFAULTS, tolerances_of
 from flexarm.simulation.run.stepping import failure_of
@@ -199,7 +199,7 @@ class LoopOfRun(NamedTuple):
     reference: Reference | None  # likewise
     sampled: Reference | None  # the reference, tabulated at the sample times if possible
     hardware: Hardware | None  # with the seed of the run
-    unstable: str  # warning of an unstable loop, or empty
+    stability: Stability
 
 
 class _Team(NamedTuple):
@@ -278,8 +278,8 @@ class ClosedLanes(Lanes):
             poles = self._poles.setdefault((simulated, id(controller), id(reference)), {})
             model, q = self._batch.model or arm, arm.unpadded(state[0])
             analysed = model, arm, controller, reference, own.hardware, (), q, duration
-            unstable = stability(AnalysedLoop(*analysed), poles).text
-        loop = LoopOfRun(controller, reference, self._references[key], hardware, unstable)
+            judged = stability(AnalysedLoop(*analysed), poles)
+        loop = LoopOfRun(controller, reference, self._references[key], hardware, judged)
         return Ready(k, arm, state, loads, loop, (sample_time,))
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
@@ -308,8 +308,10 @@ class ClosedLanes(Lanes):
     ) -> tuple[dict[str, FloatArray], list[list[str]]]:
         loop: LaneLoop = group.carried
         numbers = {name: values[places] for name, values in loop.limits().items()}
+        growth = np.array([group.ready[place].drive.stability.growth for place in places])
+        grown = {"loop_growth": growth} if np.isfinite(growth).any() else {}
         if not numbers:
-            return {}, [[] for _ in places]
+            return grown, [[] for _ in places]
         texts, joints = [], group.ready[0].arm.assembly.joint_body
         for row, place in enumerate(places.tolist()):
             own = {name: values[row] for name, values in numbers.items()}
@@ -321,10 +323,10 @@ class ClosedLanes(Lanes):
                 with self._batch.users:  # the reference may be an object of the user
                     text = motor_warning(run.arm, law, motion, times, angle, (since, limits), own)
                 texts[row].append(text)
-        return numbers, texts
+        return numbers | grown, texts
 
     def _warnings(self, group: Group, place: int, notices: str) -> list[str]:
-        warnings = [group.ready[place].drive.unstable, notices]
+        warnings = [group.ready[place].drive.stability.text, notices]
         if place in group.carried.controllers:
             with self._batch.users:
                 report = report_of(group.carried.controllers[place])

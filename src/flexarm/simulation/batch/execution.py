@@ -490,6 +490,8 @@ class ClosedLoop:
         end = float(times[-1]) if ended_by != DURATION else self._batch.shared.duration
         channels = {name: result[name].values[None] for name in self._batch.channels}
         limits = {name: result[name].values[None] for name in LIMITS if name in result}
+        if "loop_growth" in attributes:
+            limits["loop_growth"] = np.array([attributes["loop_growth"]])
         end = end if stopped is None else stopped
         reached = end, ended_by, attributes["failure"], attributes["integrator"]
         work = [attributes["steps"]], [attributes["evaluations"]]

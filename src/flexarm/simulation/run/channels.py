@@ -55,6 +55,7 @@ _TABLE = (
 )
 
 _LIMITS = (
+    Channel("loop_growth", (), "1/s", "largest real part of the poles of the sampled loop"),
     Channel("saturation", ("joint",), "1", "share of the run with the motor at its limit"),
     Channel("longest_saturation", ("joint",), "s", "longest time of the motor at its limit"),
     Channel(
