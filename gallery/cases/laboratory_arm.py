@@ -36,8 +36,8 @@ the goal, and how far the tip deflects.
 
 The model of the script is linear: a rigid bar on a torsion spring, with the measured frequency of
 1.8 Hz with the hub locked. In the package this is a joint with `rotor_inertia`, `stiffness` and
-`fa.Winding` and a link with `flexible=False`, and the controller is sampled. The last rows replace
-the bar by what it is, a beam with the same frequency. Its tip is softer, 8.2 N/m instead of 9.0:
+`fa.Winding` and a link with `flexible=False`, and the controller is sampled. The last rows have
+a beam with the same frequency in place of the bar. Its tip is softer, 8.2 N/m and not 9.0:
 33/140 of the mass of a beam moves with its tip, and a third of that of a bar. So it deflects more.
 
 The package: `fa.simulate` with a controller of one's own and `fa.Instrument`.
