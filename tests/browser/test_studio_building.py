@@ -252,3 +252,11 @@ def test_the_lecture_mode_has_large_type(new_window, width, name):
         page.wait_for_function("!document.querySelector('.q-tooltip')")
         page.evaluate("document.activeElement.blur()")
         assert_looks_like(page, name)
+    beside = page.locator(".stage").bounding_box()["width"]
+    page.get_by_role("button", name="Values", exact=True).click()
+    page.locator(".panel").wait_for(state="hidden")
+    assert page.locator(".stage").bounding_box()["width"] == pytest.approx(width, abs=1.0)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.get_by_role("button", name="Values", exact=True).click()
+    page.locator(".panel").wait_for()
+    assert page.locator(".stage").bounding_box()["width"] == beside

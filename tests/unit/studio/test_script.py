@@ -3,6 +3,7 @@
 import runpy
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,17 @@ def test_script_runs_as_a_program(tmp_path):
     tip = fa.run_scenario(paper_project().scenario).tip[-1].values
     line = next(line for line in done.stdout.splitlines() if line.startswith("tip at the end"))
     assert [float(word) for word in line.split()[-2:]] == tip.tolist()
+
+
+def test_a_script_runs_both_drives_and_builds_the_arm_once(tmp_path):
+    project = short(PRESETS["two links"]())
+    other = project.edited(("drive", "kind"), "computed_torque")
+    text = script_of(replace(project, beside=other.scenario.drive))
+    assert text.count("fa.Arm(") == text.count("motion = ") == 1
+    written = run(text, tmp_path)
+    for name, side in (("result", project), ("beside", other)):
+        np.testing.assert_array_equal(written[name].q, fa.run_scenario(side.scenario).q)
+    assert not np.array_equal(written["result"].q, written["beside"].q)
 
 
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)

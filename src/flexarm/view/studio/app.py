@@ -219,6 +219,8 @@ class _Window:
             self._redo = _button("Redo", "Redo (Ctrl+Y)", self.redo).classes("redo")
             screen = ui.fullscreen(on_value_change=lambda event: self._enlarge(event.value))
             _button("Lecture", "Full screen with large type; Esc ends it").on_click(screen.enter)
+            values = _button("Values", "Show or hide the values")
+            values.on_click(lambda: self._resize(self._studio.classes(toggle="wide")))
             scheme = _button("Dark", "Dark or light; this browser keeps the choice")
             scheme.on("click", js_handler="() => flexarmStudio.toggleDark()")
             self._status = ui.label().classes("status").props("role=status")
@@ -277,7 +279,10 @@ class _Window:
         self._begin(project)
 
     def _enlarge(self, large: bool) -> None:
-        self._studio.classes(**{"add" if large else "remove": "lecture"})
+        self._resize(self._studio.classes(**{"add" if large else "remove": "lecture"}))
+
+    def _resize(self, _: Any) -> None:
+        """Draw the picture in its new size, after another layout."""
         self._client.run_javascript(
             "setTimeout(() => window.dispatchEvent(new Event('resize')), 50)"
         )

@@ -28,23 +28,33 @@ from flexarm.view.studio.values.forms import kind_of
 
 _WIDTH = 96
 _END = """\
-tip, bent = result["tip"].values, abs(result["link_tip_deflection"]).max("time").values
+tip, bent = {0}["tip"].values, abs({0}["link_tip_deflection"]).max("time").values
 print("tip at the end [m]:", *tip[-1])
 print("largest deflection of each link [m]:", *bent)
-# fa.report(result, "report.html")
-# fa.animate(result, "arm.html")
 """
+#: Calls that draw the results, by their number.
+_DRAWN = {
+    1: '# fa.report(result, "report.html")\n# fa.animate(result, "arm.html")\n',
+    2: '# fa.animate({"result": result, "beside": beside}, "arms.html")\n',
+}
 
 
 def script_of(project: Project) -> str:
-    """Return the text of a program that simulates what a window shows, in ``result``."""
-    writer = _Writer()
-    lines = list(writer.calls(project) if _plain(project.scenario) else writer.records(project))
+    """Return the text of a program that simulates what a window shows, in ``result``.
+
+    The run of the drive beside is ``beside``; lines that both runs need stand there once.
+    """
+    writer, lines = _Writer(), list[str]()
+    results = dict(zip(("result", "beside"), project.sides, strict=False))
+    for name, side in results.items():
+        written = writer.calls if _plain(side.scenario) else writer.records
+        lines += [line for line in written(side, name) if line not in lines]
+        lines += ["", _END.format(name)]
     imports = ["import flexarm as fa"]
     for module in sorted(writer.names):
         imports.append(f"from {module} import {', '.join(sorted(writer.names[module]))}")
     head = f'"""A simulation, as shown by flexarm studio {package_version()}."""'
-    return "\n".join([head, "", *imports, "", *lines, "", _END])
+    return "\n".join([head, "", *imports, "", *lines]) + _DRAWN[len(results)]
 
 
 #: Parts of a scenario that are arguments of ``simulate``, and of a plant that are not of its arm.
@@ -84,21 +94,21 @@ class _Writer:
     def __init__(self) -> None:
         self.names: dict[str, set[str]] = {}
 
-    def records(self, project: Project) -> Iterator[str]:
+    def records(self, project: Project, result: str) -> Iterator[str]:
         """Yield the lines of a scenario as a record, like that of a file."""
         yield f"scenario = {self._code(project.scenario, 0, len('scenario = '))}\n"
         plant = project.plant or PlantSpec()
         if plant == PlantSpec():
-            yield "result = fa.run_scenario(scenario)"
+            yield f"{result} = fa.run_scenario(scenario)"
             return
         self.names.setdefault("flexarm.model.scenarios.study", set()).add("plant_spec")
         self.names.setdefault("flexarm.cases.scenario.scenario", set()).add("prepare")
         yield f"difference = {self._code(plant, 0, len('difference = '))}"
         yield "plant = fa.Arm(plant_spec(scenario.arm, difference))"
         yield f"more = {self._code(_given(plant, _ACTING), 0, len('more = '))}"
-        yield "result = prepare(scenario).run(plant=plant, **more)"
+        yield f"{result} = prepare(scenario).run(plant=plant, **more)"
 
-    def calls(self, project: Project) -> Iterator[str]:
+    def calls(self, project: Project, result: str) -> Iterator[str]:
         """Yield the lines of a simulation with the functions of `flexarm`."""
         scenario, plant, of = project.scenario, project.plant, prepare(project.scenario)
         made, followed, torque = _BENT.get(of.followed.kind, _RIGID)
@@ -125,7 +135,7 @@ class _Writer:
         yield from self._start(scenario, of, options)
         settings = _given(scenario.run)
         duration = repr(settings.pop("duration"))
-        yield self._call("result", "fa.simulate", options | settings, "arm", duration)
+        yield self._call(result, "fa.simulate", options | settings, "arm", duration)
 
     def _motion(self, spec: Any) -> Iterator[str]:
         if spec is None:
