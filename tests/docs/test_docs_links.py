@@ -1,4 +1,4 @@
-"""Links between pages have targets, and files that pages name exist."""
+"""Links between pages have targets, files that pages name exist, and tables are whole."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ _LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 #: Spaces inside a link, which is then shown as text.
 _BROKEN = re.compile(r"\] ?\([^)\s]* [^)\s]*\.md[^)]*\)|\] \([^)\s]*\.md[^)]*\)")
 _HTML = re.compile(r"(?:src|href)=\"([^\"]+)\"")
+#: First two lines of a group of lines that begin with a bar.
+_TABLE = re.compile(r"^\n\|.*\n(.*)", re.MULTILINE)
 _NAMED = re.compile(r"`((?:src|tests|docs|examples|benchmarks)/[\w./-]+)`")
 
 
@@ -36,9 +38,17 @@ def test_named_files_exist() -> None:
             assert (ROOT / name).exists(), f"{page} names {name}, which does not exist"
 
 
+def test_rows_of_tables_are_below_a_head() -> None:
+    """Rows behind an empty line are shown as text with bars."""
+    for page in pages():
+        heads = _TABLE.findall(prose(page))
+        assert [line for line in heads if not re.fullmatch(r"\|[ :|-]+\|", line)] == [], page
+
+
 def test_patterns_find_links_and_files() -> None:
     """Otherwise the tests above could not fail."""
     text = '[a](b.md) <img src="c.png"> `docs/d.md`'
+    assert _TABLE.findall("a\n\n| b |\n| - |\n| c |\n\n| d |\ne\n") == ["| - |", "e"]
     found = (_LINK.findall(text), _HTML.findall(text), _NAMED.findall(text))
     assert found == (["b.md"], ["c.png"], ["docs/d.md"])
 
