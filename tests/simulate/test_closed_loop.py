@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import threadpoolctl
 from scipy.integrate import solve_ivp
 
 import flexarm as fa
-from arms import chain
+from arms import chain, unit_link
+from controllers import Plain
 from oracles.rigid_double_pendulum import RigidDoublePendulum
 
 LENGTH, MASS = (0.8, 0.6), (0.9, 0.5)
@@ -191,3 +193,24 @@ def test_unstable_loop_is_reported_with_its_partial_result():
     assert error.result.sizes["time"] >= 1
     assert np.all(np.isfinite(error.result.q.values))
     assert np.all(np.isfinite(error.state[0]))
+
+
+@pytest.mark.parametrize("clock", [None, False])
+def test_matrix_products_of_controllers_use_one_thread(clock):
+    """``clock``: of ``realtime``, None for ``simulate``."""
+    pools = threadpoolctl.ThreadpoolController()
+    during = []
+
+    def torque(t, measurement, reference):
+        during.extend(pool["num_threads"] for pool in pools.info())
+        return [0.0]
+
+    arm, law = unit_link(), Plain(torque)
+    with pools.limit(limits=2, user_api="blas"):
+        if clock is None:
+            fa.simulate(arm, 0.03, controller=law)
+        else:
+            fa.realtime(fa.Plant(arm, sample_time=0.01), law, 0.03, clock=clock)
+        after = [pool["num_threads"] for pool in pools.info()]
+    assert set(during) == {1}
+    assert set(after) == {2}

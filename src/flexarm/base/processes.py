@@ -7,7 +7,8 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from flexarm.base.arguments import check_count
@@ -34,6 +35,26 @@ def usable_cores() -> int:
     if hasattr(os, "sched_getaffinity"):  # absent on Windows and macOS
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def single_threaded_algebra() -> AbstractContextManager[Any]:
+    """Return a context in which matrix products and factors of NumPy and SciPy use one thread.
+
+    The matrices of controllers are small: several threads take up to 40 times as long where other
+    programs keep the cores busy, and the last bits of results would depend on their number.
+    """
+    pools = _thread_pools()
+    return nullcontext() if pools is None else pools.limit(limits=1, user_api="blas")
+
+
+@cache
+def _thread_pools() -> Any:
+    """Return the pools of threads of this process; None in a browser, which has none."""
+    try:
+        from threadpoolctl import ThreadpoolController
+    except ImportError:
+        return None
+    return ThreadpoolController()
 
 
 def in_processes(

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import as_slice, is_plain
 from flexarm.base.errors import InputError, Problem, SimulationError, check_array, shown
+from flexarm.base.processes import single_threaded_algebra
 from flexarm.control.contract.base import (
     Controller,
     Reference,
@@ -351,8 +352,9 @@ class ClosedLoop(RunLoop):
         self.seconds = 0.0  # spent in the controller
 
     def execute(self) -> None:
-        self.controller.reset()
-        super().execute()
+        with single_threaded_algebra():
+            self.controller.reset()
+            super().execute()
 
     @property
     def sampled_reference(self) -> Reference | None:

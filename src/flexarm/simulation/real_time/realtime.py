@@ -27,6 +27,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.processes import single_threaded_algebra
 from flexarm.control.contract.base import (
     Controller,
     Reference,
@@ -412,7 +413,7 @@ def realtime(
         check_reference(reference)
     if isinstance(plant, str):
         loop = _controller_loop(plant, controller, duration, reference, readings, timeout)
-        with _without_collection(clock):
+        with _undisturbed(clock):
             return loop.run()
     check_kind("plant", plant, Plant, "a Plant or an address such as '127.0.0.1:5005'")
     if readings is not None:
@@ -434,7 +435,7 @@ def realtime(
         _warn_of_another_start(plant, motion)
     partner = _partner(plant, controller, motion, now)
     sent = motion if isinstance(controller, str) else None
-    with _without_collection(clock):
+    with _undisturbed(clock):
         return PlantLoop(plant, partner, sent, now, clock, within, timeout).run(samples)
 
 
@@ -543,13 +544,14 @@ def _controller_loop(
 
 
 @contextmanager
-def _without_collection(paced: bool) -> Iterator[None]:
-    """Suspend the garbage collection, which takes milliseconds, while the clock runs."""
+def _undisturbed(paced: bool) -> Iterator[None]:
+    """Suspend what takes milliseconds at times: the garbage collection, and threads of algebra."""
     enabled = gc.isenabled()
     if paced:
         gc.disable()
     try:
-        yield
+        with single_threaded_algebra():
+            yield
     finally:
         if enabled:
             gc.enable()
