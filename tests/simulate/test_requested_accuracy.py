@@ -1,9 +1,12 @@
 """Runs with a requested accuracy: true errors, estimates, and what cannot be combined with it."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 import flexarm as fa
+import page_scripts
 from accuracy_runs import QUIET, random_arm, tip_error
 
 
@@ -65,9 +68,40 @@ def test_batch_equals_single_runs_bit_for_bit():
     batch = fa.simulate_batch(arm, 0.6, initial=starts, torque=torque, accuracy=accuracy, **QUIET)
     assert batch.attrs["accuracy"] == pytest.approx(accuracy)
     assert "integration_error" not in batch.attrs  # the runs of a batch are not verified
+    rtol = accuracy / float(arm.lengths.sum()) / 100.0
     for k, start in enumerate(starts):
-        alone = fa.simulate(arm, 0.6, initial=start, torque=torque, accuracy=accuracy, **QUIET)
+        method = {"integrator": str(batch.integrator.values[k]), "rtol": rtol}
+        alone = fa.simulate(arm, 0.6, initial=start, torque=torque, **method, **QUIET)
         assert np.array_equal(batch.tip.values[k], alone.tip.values)
+
+
+@pytest.mark.parametrize("part", [1e-3, 1e-5])
+@pytest.mark.parametrize("damped", [True, False])
+def test_a_smooth_arm_takes_the_large_tolerances_that_a_second_run_verifies(part, damped):
+    """The page has 30 arms; the cost of each of these is at most half."""
+    script = page_scripts.script("measure_accuracy")
+    for arm, torque in list(script.arms(damped, 2)):
+        (cost, error, estimated), *_ = script.measure(arm, torque, (part,))
+        assert cost < 0.5
+        assert error < 0.5
+        assert estimated < 1.5  # of the error, of which the largest is 2.1 times the estimate
+        result = fa.simulate(arm, 1.0, torque=torque, accuracy=part * arm.lengths.sum(), **QUIET)
+        assert result.attrs["accuracy"] == pytest.approx(part * arm.lengths.sum())
+        assert "a second run shows" in result.attrs["integrator_reason"]
+
+
+def test_an_expensive_or_sudden_arm_keeps_small_tolerances():
+    accuracy = 1e-4
+    turning = fa.Arm(links=[fa.Link(length=0.5, flexural_rigidity=2.0, mass_per_length=0.2)] * 2)
+    start = turning.rest([0.0, 0.0])
+    fast = {"initial": start, "initial_rate": turning.rest([400.0, 200.0])}
+    rubbing, torque = random_arm(0, friction=True)
+    for arm, run in ((turning, fast), (rubbing, {"torque": torque})):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", fa.FlexarmWarning)  # it bends far
+            result = fa.simulate(arm, 0.1, accuracy=accuracy, **run, **QUIET)
+        assert result.attrs["rtol"] <= 0.0101 * accuracy / float(arm.lengths.sum())
+        assert result.attrs["integration_error"] <= accuracy
 
 
 @pytest.mark.parametrize(

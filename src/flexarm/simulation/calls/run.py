@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.coordinates import turning_joints
+from flexarm.arm.assembly.coordinates import once_per_arm, turning_joints
 from flexarm.base.errors import (
     AccuracyWarning,
     FlexarmError,
@@ -27,6 +27,7 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.base.user_functions import FunctionError
+from flexarm.integrate import KennedyCarpenter5
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.scenario import DURATION, FAILURE
 from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
@@ -48,6 +49,7 @@ from flexarm.simulation.run.settings import RunSettings, replaced, with_keywords
 from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Notices, Run
 from flexarm.simulation.run.tolerance import LEAST, reach_of, share_of_finer
+from flexarm.simulation.run.work import is_cheap
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -117,9 +119,10 @@ def simulate(
             the reach from the motion at twice the step.
         accuracy: largest error of the tip (m) that the integration may cause, such as 1e-5 of the
             reach, the hundredth part of a line in a plot. Method and tolerances follow from it, a
-            second run verifies it, and a run that misses it is repeated. Instead of ``rtol`` and
-            ``atol``. Without these, ``step`` and a named integrator, the accuracy is 1e-5 of the
-            reach; then only a run in which errors may grow is compared with a second one.
+            second run verifies it, and a run that misses it is repeated; a smooth arm begins with
+            large tolerances. Instead of ``rtol`` and ``atol``. Without these, ``step`` and a named
+            integrator, the accuracy is 1e-5 of the reach; then only a run in which errors may grow
+            is compared with a second one.
         rtol, atol: error allowed per step, relative, by default 1e-7 where no accuracy decides, and
             absolute in metres at the tip, by default ``rtol / 100`` of the reach; with a fixed step
             only the tolerance for functions of time. A run whose whole motion is small beside
@@ -200,12 +203,13 @@ def _warned(situation: Situation) -> xr.Dataset:
     angles = None if initial is None else begin[arm.joint_index][turning_joints(arm)]
     driven = angles, controller, reference, hardware
     warn_of(implausible_run(arm, situation.duration, situation.settings.rate, *driven))
+    accuracy, doubt = situation.settings.accuracy, ""
     with Meter("simulating", situation.settings.progress) as meter:
-        result, notices = _executed(meter, situation)
-        doubt = ""
-        if situation.settings.accuracy is not None:
+        verified = None if accuracy is None else _verified_coarse(meter, situation, accuracy)
+        result, notices = verified or _executed(meter, situation)
+        if verified is None and accuracy is not None:
             again = partial(_executed_again, meter, situation)
-            result, doubt = with_error(result, situation.settings.accuracy, again)
+            result, doubt = with_error(result, accuracy, again)
     if doubt:
         notices = [*notices, (doubt, AccuracyWarning)]
         result.attrs["warning"] = " ".join(text for text, _ in notices)
@@ -230,6 +234,54 @@ def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
     around = situation.contacts, q, situation.duration
     analysed = AnalysedLoop(situation.arm, simulated, *acting, *around)
     return _closed_loop(run, loop, partial(stability, analysed, {})), run.notices
+
+
+def _verified_coarse(
+    meter: Meter, situation: Situation, accuracy: float
+) -> tuple[xr.Dataset, Notices] | None:
+    """Return a run of order 5 at large tolerances that a second run verifies; None if none does.
+
+    Errors of its steps add where vibrations last, so that only the second run makes them known.
+    """
+    arm = situation.simulated
+    request = accuracy / reach_of(arm)
+    rough = situation.controller or situation.contacts or situation.changes or situation.events
+    automatic = situation.settings.integrator == "auto"
+    if rough or not automatic or request < _LEAST_COARSE or not _is_smooth(arm):
+        return None
+    notices: list[Notices] = []
+
+    def varied(accuracy: float) -> Situation:
+        rtol = min(_COARSE * accuracy / reach_of(arm), _LARGEST)
+        method = {"integrator": KennedyCarpenter5.name, "rtol": rtol, "accuracy": None}
+        return replace(situation, settings=replaced(situation.settings, **method))
+
+    def executed(accuracy: float) -> xr.Dataset | None:
+        try:
+            result, own = _executed(meter, varied(accuracy))
+        except SimulationError:
+            return None
+        notices.append(own)
+        return result
+
+    trial = varied(accuracy)
+    run = trial.new_run(meter)
+    if not is_cheap(run, trial.history_of(run)(run.tolerance.relative)):
+        return None
+    first = executed(accuracy)
+    if first is None:
+        return None
+    result, doubt = with_error(first, accuracy, executed)
+    reason = "order 5 with bending implicit: a second run shows that it reaches the accuracy"
+    return None if doubt else (result.assign_attrs(integrator_reason=reason), notices[0])
+
+
+@once_per_arm
+def _is_smooth(arm: Arm) -> bool:
+    """Return whether an arm bends, and nothing in its joints acts suddenly."""
+    sudden = ("friction", "limits", "backlash", "winding")
+    joints = any(getattr(joint, name) for joint in arm.spec.joints for name in sudden)
+    return bool(arm.assembly.constants.w2.any()) and not joints and not arm.closure_rows
 
 
 def _executed_again(meter: Meter, situation: Situation, accuracy: float) -> xr.Dataset | None:
@@ -344,6 +396,9 @@ def _result(
     return result if run.changes is None else result.assign(change_variables(run.changes))
 
 
+#: Relative tolerance of a run of order 5 over its request, and the largest; and the least request,
+#: below which order 8 takes fewer evaluations. Measured by docs/performance/measure_accuracy.py.
+_COARSE, _LARGEST, _LEAST_COARSE = 0.3, 0.1, 1e-7
 #: Accuracy of the second run over that of the first.
 _LOOSER = 10.0
 #: Accuracy of the first run over that of another one, if both have the same steps.
