@@ -33,6 +33,7 @@ from flexarm.model.quantities import Flag
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.planning.proposals.candidates import (
     NOT_SIMULATED,
+    STUCK,
     Assessed,
     Candidate,
     Loops,
@@ -170,7 +171,8 @@ def design(
     loops that are unstable, also with twice the delay of the hardware, whose slowest vibration has
     a damping ratio below 0.02, or that need more than 20 periods of the lowest frequency until an
     error has fallen to a hundredth.
-    Under gravity all candidates have integral feedback and follow a reference of the bent arm.
+    Under gravity, or if dry friction would hold the joints away from the goal, all candidates have
+    integral feedback. Under gravity they follow a reference of the bent arm.
 
     Args:
         arm: the model of the arm.
@@ -344,9 +346,12 @@ def _wait_until_settled(content: dict[str, Any], found: Mapping[str, Assessed]) 
     """Extend the runs until the loops have settled, and measure the error after that."""
     run = content["run"]
     if run["settling"]:  # the tasks with a time after the motion
-        decays = (-one.margins["growth"] for one in found.values() if not one.refusal)
-        time = float(f"{_TIME_CONSTANTS / min(decays, default=np.inf):.2g}")
+        accepted = [one for one in found.values() if not one.refusal]
+        decay = min((-one.margins["growth"] for one in accepted), default=np.inf)
         least = run["settling"] * _AFTER
+        longest = _STICKING_PERIODS * least / _AFTER
+        sticking = max((min(one.sticking_time, longest) for one in accepted), default=0.0)
+        time = float(f"{max(_TIME_CONSTANTS / decay, sticking):.2g}")
         end, after = run["duration"] - least, max(least, time)
         content["run"] = run | {
             "duration": rounded([end + after], 6)[0],
@@ -406,6 +411,8 @@ _DISTURBED = 0.01
 _BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
 #: Time after the motion in time constants of the slowest pole of a loop.
 _TIME_CONSTANTS = 10.0
+#: Longest time, in periods of the lowest frequency, in which integrals may release sticking joints.
+_STICKING_PERIODS = 100.0
 #: Error of the tip, relative to the reach, that a run by default does not resolve.
 _RESOLVED = 1e-5
 #: Error of the tip, relative to the reach, of runs that failed.
@@ -537,6 +544,11 @@ def reasons_of(
         if margins["disk_margin"] < needs.disk_margin:
             text += f" No candidate has the required disk margin of {needs.disk_margin:g}."
         sentences.append(text)
+    if time := found[chosen].sticking_time:
+        sentences.append(
+            f"Until the tip is within {STUCK:.1%} of the reach of its goal, dry friction may hold "
+            f"the joints for {time:.2g} s, which the integral needs to release them."
+        )
     share = float(table["saturation"].sel(candidate=chosen).max())
     if share > _LIMITED:
         sentences.append(
