@@ -12,17 +12,12 @@ from flexarm.base.errors import Problem
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.planning.proposals.candidates import Assessed, Candidate, Loops, candidates_of
-from flexarm.planning.proposals.design import (
-    _best,
-    _chosen,
-    _lacking,
-    _refusal,
-    case_of,
-    plants_of,
-    reasons_of,
-)
+from flexarm.planning.proposals.cases import case_of, plants_of
+from flexarm.planning.proposals.design import _best, _chosen, _lacking, _refusal, reasons_of
 from flexarm.planning.proposals.requirements import requirements_of
 from flexarm.simulation.calls.compare import Evaluation
+from flexarm.simulation.run import progress
+from flexarm.simulation.run.progress import stage
 
 DEFAULTS = {
     "sensors": None,
@@ -603,6 +598,26 @@ def test_the_reason_why_nothing_can_be_designed_is_named(monkeypatch):
 
 
 @pytest.mark.thorough
+def test_the_progress_of_a_design_grows_from_candidate_to_candidate():
+    needs = needs_of(one_link(), "hold", computing="low")
+    fractions = []
+    candidates = [each._replace(drives=each.drives[:2]) for each in candidates_of(needs)]
+    _best(needs, case_of(needs), candidates, stage(fractions.append, 0.0, 0.5))
+    assert fractions == [0.0, 0.125, 0.25, 0.375]
+
+
+@pytest.mark.thorough
+def test_a_long_design_writes_its_progress(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "PATIENCE_FOR_LINES", 0.0)
+    fa.design(one_link(), "hold", computing="low")
+    lines = capsys.readouterr().err.splitlines()
+    assert all(line.startswith("designing: ") for line in lines)
+    percent = [int(line.split()[1]) for line in lines]
+    assert percent == sorted(percent)
+    assert percent[0] < 20  # designs
+    assert percent[-1] > 50  # simulations
+
+
 def test_an_uncertain_payload_requires_a_payload():
     bare = fa.Arm(links=one_link().spec.links, joints=one_link().spec.joints)
     with pytest.raises(fa.InputError, match="not supported for an arm without payload"):

@@ -101,7 +101,7 @@ class Assembly:
     def breakaway(self) -> FloatArray:
         """Largest torques (joints,) N m of dry friction at rest; forces (N) of sliding joints."""
         coulomb, rise, *_, excess, _ = self.constants.friction[self.joint_body].T
-        return coulomb + rise + np.maximum(excess, 0.0)
+        return np.asarray(coulomb + rise + np.maximum(excess, 0.0))
 
     @cached_property
     def run_constants(self) -> ArmConstants:

@@ -30,6 +30,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model import Scenario
 from flexarm.model.checks import checked_arguments
 from flexarm.planning.proposals.requirements import Requirements
+from flexarm.simulation.run.progress import Report, unreported
 
 
 def rounded(values: FloatArray | Sequence[float], digits: int = 3) -> list[float]:
@@ -376,7 +377,7 @@ class Assessed(NamedTuple):
         for joint loops only; 0 for others.
         """
         loop = self.drive.get("inner", self.drive)
-        if loop["kind"] != "joint_pid":
+        if loop.get("kind") != "joint_pid":
             return 0.0
         arm = self.needs.arm
         near = STUCK * coordinate_sizes(arm)[arm.joint_index]
@@ -452,7 +453,7 @@ class Loops:
         found = Assessed(self._needs, drive, margins | _UNSTABLE, len(loops[0].controller.A))
         return found, loops if found.stable else []
 
-    def best(self, candidate: Candidate) -> Assessed | None:
+    def best(self, candidate: Candidate, report: Report = unreported) -> Assessed | None:
         """Return the best setting of a candidate; None, and ``error``, if none can be designed.
 
         Margins take time, so that they are computed from the fastest decay on, until one suffices,
@@ -461,7 +462,8 @@ class Loops:
         found = []
         with warnings.catch_warnings():  # the table shows what they warn of
             warnings.simplefilter("ignore", FlexarmWarning)
-            for drive in candidate.drives:
+            for k, drive in enumerate(candidate.drives):
+                report(k / len(candidate.drives))
                 try:
                     found.append(self.assess(drive))
                 except FlexarmError as error:  # no solution of a Riccati equation, no equilibrium
