@@ -9,6 +9,7 @@ from scenarios import GOOD, invoke
 
 import flexarm as fa
 from flexarm.cases.templates import MOST_LINKS
+from flexarm.simulation.calls.metrics import length_text
 
 
 @pytest.mark.sampled("1-vertical-slender", "2-horizontal-slender", "2-vertical-stiff")
@@ -181,6 +182,42 @@ def test_json_is_the_only_standard_output(good, tmp_path):
     largest = np.abs(result.link_tip_deflection).max("time")
     np.testing.assert_array_equal(reported["largest_link_tip_deflection"], largest)
     assert reported["ended_by"] == "duration"
+
+
+def test_the_summary_has_the_errors_of_the_task(good):
+    """Oracle: the table of ``flexarm compare`` for the same drive, and the distance at the end."""
+    assert json.loads(invoke("run", good, "--json").stdout)["errors"] == {}
+    keys = (
+        good.read_text()
+        .replace("rate: 200", "rate: 1000")
+        .replace("run: {duration: 0.05", "run: {duration: 0.2")
+    )
+    motion = "{kind: line, start: [0.8, 0.2], end: [0.2, 0.8], duration: 0.1}"
+    drive = "{kind: joint_pd, proportional: 1.0, derivative: 0.02}"
+    lines = [line for line in keys.splitlines() if not line.startswith(("motion", "drive"))]
+    shared = "\n".join(lines) + "\n"
+    good.write_text(f"{shared}motion: {motion}\ndrive: {drive}\n")
+    study = good.with_name("study.yaml")
+    study.write_text(f"{shared}motions: {{line: {motion}}}\ndrives: {{PD: {drive}}}\n")
+    table = fa.run_study(study, progress=False)
+    errors = json.loads(invoke("run", good, "--json").stdout)["errors"]
+    for name in ("rms", "peak", "settled"):
+        assert errors[f"tip_error_{name}"] == table[f"tip_error_{name}"].item() > 0.0
+    result = fa.run_scenario(good, progress=False)
+    end = np.hypot(*(result.tip.values[-1] - [0.2, 0.8]))
+    assert errors["tip_error_end"] == pytest.approx(end, rel=1e-9)
+    words = " ".join(invoke("run", good).stdout.split())
+    most, rms = (1e3 * errors[f"tip_error_{name}"] for name in ("peak", "rms"))
+    assert (
+        f"tip error at most {most:.3g} mm, {rms:.3g} mm RMS in motion, {1e3 * end:.3g} mm" in words
+    )
+
+
+@pytest.mark.parametrize(
+    ("length", "text"), [(25.0, "25 m"), (1.0, "1 m"), (0.9994, "999 mm"), (2e-7, "0.0002 mm")]
+)
+def test_lengths_of_a_metre_are_not_written_in_millimetres(length, text):
+    assert length_text(length) == text
 
 
 def test_quiet_prints_warnings_only(good):

@@ -95,9 +95,13 @@ class Assembly:
     @cached_property
     def has_sticking(self) -> bool:
         """Whether the friction of any joint holds it at rest in runs."""
-        c = self.constants
-        coulomb, rise, excess = c.friction[:, 0], c.friction[:, 1], c.friction[:, 5]
-        return bool(np.any(c.holds * (2.0 * (coulomb + rise) + excess) > 0.0))
+        return bool(np.any(self.constants.holds[self.joint_body] * self.breakaway > 0.0))
+
+    @cached_property
+    def breakaway(self) -> FloatArray:
+        """Largest torques (joints,) N m of dry friction at rest; forces (N) of sliding joints."""
+        coulomb, rise, *_, excess, _ = self.constants.friction[self.joint_body].T
+        return np.asarray(coulomb + rise + np.maximum(excess, 0.0))
 
     @cached_property
     def run_constants(self) -> ArmConstants:

@@ -128,9 +128,11 @@ def _numbers(name: str, text: str | None) -> list[float] | None:
 def _errors_of(proposal: ControllerDesign) -> object:
     """Return the table of the errors of all candidates on the simulated arms."""
     from flexarm.planning.proposals.candidates import NOT_SIMULATED
+    from flexarm.simulation.calls.metrics import length_unit
 
     table = proposal.table
-    factor, unit = (1.0, "N") if proposal.task == "force" else (1e3, "mm")
+    largest = float(table["score"].max())
+    factor, unit = (1.0, "N") if proposal.task == "force" else length_unit(largest)
     rows = []
     for name in table["candidate"].values:
         case = table.sel(candidate=name)

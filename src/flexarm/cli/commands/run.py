@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
+    from flexarm.cases.scenario.scenario import Prepared
+
 
 def run(
     scenario: Annotated[Path, argument("SCENARIO.yaml", "Scenario file.")],
@@ -73,8 +75,9 @@ def run(
             _save_beginning(error.result, out)
         raise
     silent = json or quiet
+    errors = {} if quiet else _errors(result, prepared)
     if not silent:
-        console().print(facts(_summary(result)))
+        console().print(facts(_summary(result, errors)))
     for text in warnings_of(result):
         warn(text)
         texts.append(text)
@@ -89,6 +92,7 @@ def run(
             "scenario": str(scenario),
             "changes": [change.origin for change in changes],
             **_values(result),
+            "errors": errors,
             "warnings": texts,
             "files": {name: str(path) for name, path in files.items()},
         }
@@ -134,6 +138,24 @@ def _values(result: xr.Dataset) -> dict[str, Any]:
     }
 
 
+def _errors(result: xr.Dataset, prepared: Prepared) -> dict[str, float]:
+    """Return the errors of `flexarm.compare` by name that a run has, and that at its end, in m, N.
+
+    Relative to the reference of the controller; empty without one.
+    """
+    from math import isfinite
+
+    from flexarm.simulation.calls.metrics import metrics_of, tip_error
+
+    reference = prepared.followed.motion
+    if "controller" not in prepared.options or reference is None:
+        return {}
+    values = metrics_of(result, prepared.arm, reference)
+    values["tip_error_end"] = float(tip_error(prepared.arm, reference, result)[-1])
+    names = (name for name in values if "_error_" in name or name == "residual_vibration")
+    return {name: values[name] for name in names if isfinite(values[name])}
+
+
 def _largest_deflection(result: xr.Dataset) -> NDArray[Any]:
     """Return the largest deflection of the tip of each link, (links,), m."""
     largest: NDArray[Any] = abs(result["link_tip_deflection"].values).max(axis=0)
@@ -154,7 +176,9 @@ def _save_beginning(result: xr.Dataset, out: Path) -> None:
         print_error(f"flexarm run: the run up to t = {end} is in {path}")
 
 
-def _summary(result: xr.Dataset) -> list[tuple[str, str]]:
+def _summary(result: xr.Dataset, errors: Mapping[str, float]) -> list[tuple[str, str]]:
+    from flexarm.simulation.calls.metrics import length_text
+
     time, attributes = result["time"].values, result.attrs
     deflection = _largest_deflection(result)
     worst = int(deflection.argmax())
@@ -166,6 +190,13 @@ def _summary(result: xr.Dataset) -> list[tuple[str, str]]:
         ("steps", f"{steps}, in {attributes['wall_seconds']:.3g} s"),
         ("tip", f"({x:.6g}, {y:.6g}) m at the end"),
     ]
+    if errors:
+        names = {"peak": "at most {}", "rms": "{} RMS in motion", "end": "{} at the end"}
+        each = {text: errors.get(f"tip_error_{name}") for name, text in names.items()}
+        words = [text.format(length_text(e)) for text, e in each.items() if e is not None]
+        rows.append(("task", f"tip error {', '.join(words)}"))
+    if "force_error_rms" in errors:
+        rows.append(("force", f"error {errors['force_error_rms']:.3g} N RMS in motion"))
     if deflection[worst] > 0.0:
         most = f"{1e3 * deflection[worst]:.4g} mm at the tip of link {worst + 1}"
         rows.append(("bending", f"at most {most}"))

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.errors import FlexarmError, FlexarmWarning
 from flexarm.cases.scenario.references import Followed, motion_of
 from flexarm.cases.scenario.scenario import prepare
@@ -29,6 +30,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model import Scenario
 from flexarm.model.checks import checked_arguments
 from flexarm.planning.proposals.requirements import Requirements
+from flexarm.simulation.run.progress import Report, unreported
 
 
 def rounded(values: FloatArray | Sequence[float], digits: int = 3) -> list[float]:
@@ -94,7 +96,11 @@ _SOFTER = (1.0, 0.3, 0.1)
 _SCHEDULED = 0.3
 
 
-#: Names of the joint loops without and with gravity.
+#: Error of the tip by sticking joints, relative to the reach, above which loops have an integral.
+_STICKING = 1e-4
+#: The same error within which a sticking joint is at its goal.
+STUCK = 1e-3
+#: Names of the joint loops without and with an integral.
 _JOINT_LOOPS = "joint PD", "joint PID"
 
 
@@ -142,7 +148,7 @@ def _of_position(needs: Requirements) -> Iterator[Candidate]:
         )
         yield Candidate("loop shaping", reason, tuple(_shaping(needs)))
     reason = "The simplest loop of the joints, along the joint angles of the bent arm."
-    yield Candidate(_JOINT_LOOPS[needs.heavy], reason, tuple(_joint_loops(needs)))
+    yield Candidate(_JOINT_LOOPS[_integrates(needs)], reason, tuple(_joint_loops(needs)))
 
 
 def _of_force(needs: Requirements) -> Iterator[Candidate]:
@@ -192,17 +198,28 @@ def _inertias(needs: Requirements) -> FloatArray:
     return np.asarray(np.max(each, axis=0))
 
 
+def _integrates(needs: Requirements) -> bool:
+    """Return whether loops need an integral: under gravity, or if joints stick away from the goal.
+
+    A joint sticks where its friction equals the torque of the slowest joint loop.
+    """
+    friction = needs.arm.assembly.breakaway
+    gain = _inertias(needs) * (_BANDWIDTHS[0] * _frequency(needs)) ** 2
+    sizes = coordinate_sizes(needs.arm)[needs.arm.joint_index]
+    return needs.heavy or float(np.sum(friction / (gain * sizes))) > _STICKING
+
+
 def _joint_loop(needs: Requirements, factor: float, damping: float) -> Drive:
-    """Return joint PD; under gravity joint PID, which knows the limits of the motors."""
-    lag = needs.rate_delay + 0.5 * needs.sample_time
+    """Return joint PD, or joint PID, which knows the limits of the motors."""
+    lag, integral = needs.rate_delay + 0.5 * needs.sample_time, _integrates(needs)
     near, inertia = near_inertias(needs.arm, needs.postures, lag), _inertias(needs)
     omega = np.minimum(factor * _frequency(needs), _NEAR * near / (2.0 * damping * lag * inertia))
     drive: Drive = {
-        "kind": _JOINT_LOOPS[needs.heavy].replace(" ", "_").lower(),
+        "kind": _JOINT_LOOPS[integral].replace(" ", "_").lower(),
         "proportional": rounded(inertia * omega**2),
         "derivative": rounded(2.0 * damping * omega * inertia),
     }
-    if needs.heavy:
+    if integral:
         drive["integral"] = rounded(_INTEGRAL * inertia * omega**3)
         if needs.torque_limit is not None:
             drive["torque_limit"] = rounded(needs.torque_limit)
@@ -235,13 +252,14 @@ def _redefined(needs: Requirements) -> Iterator[Drive]:
 
 def _shaping(needs: Requirements) -> Iterator[Drive]:
     damped = all(link.damping is not None for link in needs.arm.spec.links if link.flexible)
+    integral = _integrates(needs)
     for bandwidth in np.multiply(_CROSSOVERS, _frequency(needs)):
         yield {
             "kind": "loop_shaping",
             "bandwidth": rounded([bandwidth])[0],
             "rigidity_uncertainty": max(_SOME, needs.rigidity) if damped else 0.0,
             "delay": needs.delay,
-            **({"integral": rounded([_SHAPED_INTEGRAL * bandwidth])[0]} if needs.heavy else {}),
+            **({"integral": rounded([_SHAPED_INTEGRAL * bandwidth])[0]} if integral else {}),
             **_designs(needs),
             "sample_time": needs.sample_time,
         }
@@ -266,8 +284,8 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
     if "tip" in needs.sensors:
         measured["tip"] = noise
         common["integral"] = {"tip": integral}
-    elif needs.heavy:
-        common["integral"] = CHORD
+    elif _integrates(needs):
+        common["integral"] = CHORD if "gauges" in needs.sensors else "joint_angle"
     if needs.heavy:  # the reference of a rigid arm would keep the sag
         common["reference"] = "quasi_static"
     common |= {"measured": measured, **_designs(needs), "sample_time": needs.sample_time}
@@ -352,6 +370,20 @@ class Assessed(NamedTuple):
         return ""
 
     @property
+    def sticking_time(self) -> float:
+        """Longest time (s) in which friction holds a joint that is not at its goal.
+
+        The integral of this error must change the torque by the friction of both directions. Known
+        for joint loops only; 0 for others.
+        """
+        loop = self.drive.get("inner", self.drive)
+        if loop.get("kind") != "joint_pid":
+            return 0.0
+        arm = self.needs.arm
+        near = STUCK * coordinate_sizes(arm)[arm.joint_index]
+        return float(np.max(2.0 * arm.assembly.breakaway / (near * loop["integral"])))
+
+    @property
     def value(self) -> tuple[bool, bool, bool, float, float]:
         """The value by which settings are compared; larger is better.
 
@@ -421,7 +453,7 @@ class Loops:
         found = Assessed(self._needs, drive, margins | _UNSTABLE, len(loops[0].controller.A))
         return found, loops if found.stable else []
 
-    def best(self, candidate: Candidate) -> Assessed | None:
+    def best(self, candidate: Candidate, report: Report = unreported) -> Assessed | None:
         """Return the best setting of a candidate; None, and ``error``, if none can be designed.
 
         Margins take time, so that they are computed from the fastest decay on, until one suffices,
@@ -430,7 +462,8 @@ class Loops:
         found = []
         with warnings.catch_warnings():  # the table shows what they warn of
             warnings.simplefilter("ignore", FlexarmWarning)
-            for drive in candidate.drives:
+            for k, drive in enumerate(candidate.drives):
+                report(k / len(candidate.drives))
                 try:
                     found.append(self.assess(drive))
                 except FlexarmError as error:  # no solution of a Riccati equation, no equilibrium

@@ -27,23 +27,25 @@ from flexarm.base.writing.places import AnyPath, check_place, write_text
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.control.contract.base import Controller
-from flexarm.linear import equilibrium
-from flexarm.model import Hardware, Load, PlantSpec, Scenario, StudySpec, file_text
+from flexarm.model import Hardware, PlantSpec, Scenario, StudySpec, file_text
 from flexarm.model.quantities import Flag
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.planning.proposals.candidates import (
     NOT_SIMULATED,
+    STUCK,
     Assessed,
     Candidate,
     Loops,
     candidates_of,
-    rounded,
     scenario_of,
 )
+from flexarm.planning.proposals.cases import case_of, wait_until_settled
 from flexarm.planning.proposals.drive import quicker, typical_text
 from flexarm.planning.proposals.requirements import Requirements, requirements_of
 from flexarm.simulation.calls.compare import Evaluation, comparison, runs_of
+from flexarm.simulation.calls.metrics import length_text
 from flexarm.simulation.loop.stability import NO_INERTIA, with_inertia
+from flexarm.simulation.run.progress import Meter, Report, stage, unreported
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,6 +53,8 @@ if TYPE_CHECKING:
 
 #: Plants that are simulated: the model, and two that differ from it as far as possible.
 _SIMULATED = 3
+#: Fractions of the progress when candidates are designed, and when they are simulated.
+_DESIGNED, _TRIED = 0.5, 0.9
 #: Delays of the hardware that are tried if all candidates are refused, relative to its own.
 _SHORTER = (0.5, 0.25, 0.1)
 #: Suffixes of scenario files.
@@ -170,7 +174,8 @@ def design(
     loops that are unstable, also with twice the delay of the hardware, whose slowest vibration has
     a damping ratio below 0.02, or that need more than 20 periods of the lowest frequency until an
     error has fallen to a hundredth.
-    Under gravity all candidates have integral feedback and follow a reference of the bent arm.
+    Under gravity, or if dry friction would hold the joints away from the goal, all candidates have
+    integral feedback. Under gravity they follow a reference of the bent arm.
 
     Args:
         arm: the model of the arm.
@@ -196,7 +201,8 @@ def design(
             ``Hardware()`` for exact ones. By default those of a typical drive: encoders with 17
             bits, rates through a filter at a tenth of the sampling frequency, and one sample of
             delay; the reasons state them.
-        progress: True or False shows or hides the progress bar.
+        progress: True or False shows or hides the progress bar. By default a terminal shows it, and
+            other streams get a line from time to time.
 
     Raises:
         InputError: if an argument is wrong or does not fit the arm or the task, or the motion
@@ -224,15 +230,17 @@ def design(
     )
     content = case_of(needs)
     candidates = candidates_of(needs)
-    found, errors = _best(needs, content, candidates)
-    if not found:
-        rule = "has no controller among the candidates that can be designed for this arm"
-        hint = _lacking(needs, found, candidates) or "Give the links damping, or use other sensors."
-        raise InputError(Problem("task", rule, hint=f"{hint} {' '.join(errors.values())}"))
-    _wait_until_settled(content, found)
-    table = _table(needs, content, found, progress)
-    chosen = _chosen(needs, found, table)
-    lacking = _lacking(needs, found, candidates)
+    with Meter("designing", progress, lines=True) as meter:
+        found, errors = _best(needs, content, candidates, stage(meter.update, 0.0, _DESIGNED))
+        if not found:
+            rule = "has no controller among the candidates that can be designed for this arm"
+            cure = _lacking(needs, found, candidates)
+            hint = cure or "Give the links damping, or use other sensors."
+            raise InputError(Problem("task", rule, hint=f"{hint} {' '.join(errors.values())}"))
+        wait_until_settled(content, found)
+        table = _table(needs, content, found, stage(meter.update, _DESIGNED, _TRIED))
+        chosen = _chosen(needs, found, table)
+        lacking = _lacking(needs, found, candidates, stage(meter.update, _TRIED, 1.0))
     refusal = _refusal(needs, found, table, chosen, lacking)
     reasons = (*reasons_of(needs, candidates, found, table, chosen), *errors.values())
     reasons = (*reasons, lacking) if lacking and not refusal else reasons
@@ -245,7 +253,10 @@ def design(
 
 
 def _best(
-    needs: Requirements, content: Mapping[str, Any], candidates: Sequence[Candidate]
+    needs: Requirements,
+    content: Mapping[str, Any],
+    candidates: Sequence[Candidate],
+    report: Report = unreported,
 ) -> tuple[dict[str, Assessed], dict[str, str]]:
     """Return the best setting of each candidate, and why others cannot be designed, by name."""
     plants = {
@@ -254,8 +265,9 @@ def _best(
     }
     loops = Loops(content, plants, needs, candidates[0].drives[0])
     found, errors = {}, {}
-    for candidate in candidates:
-        best = loops.best(candidate)
+    count = len(candidates)
+    for k, candidate in enumerate(candidates):
+        best = loops.best(candidate, stage(report, k / count, (k + 1) / count))
         if best is None:
             cause = loops.error.splitlines()[0].rstrip(".")
             errors[candidate.name] = f"{candidate.name} could not be designed: {cause}."
@@ -265,7 +277,10 @@ def _best(
 
 
 def _lacking(
-    needs: Requirements, found: Mapping[str, Assessed], candidates: Sequence[Candidate]
+    needs: Requirements,
+    found: Mapping[str, Assessed],
+    candidates: Sequence[Candidate],
+    report: Report = unreported,
 ) -> str:
     """Return a change with which the simplest candidate, the last one, is accepted.
 
@@ -275,8 +290,10 @@ def _lacking(
     if name in found and not found[name].refusal:
         return ""
     refused = bool(found) and all(each.refusal for each in found.values())
-    for cured, cure in _cures(needs, refused):
-        best, _ = _best(cured, case_of(cured), candidates_of(cured)[-1:])
+    cures = list(_cures(needs, refused))
+    for k, (cured, cure) in enumerate(cures):
+        more = stage(report, k / len(cures), (k + 1) / len(cures))
+        best, _ = _best(cured, case_of(cured), candidates_of(cured)[-1:], more)
         if best and not best[name].refusal:
             return f"{cure}, {name} is accepted."
     return ""
@@ -299,7 +316,7 @@ def _table(
     needs: Requirements,
     content: dict[str, Any],
     found: Mapping[str, Assessed],
-    progress: bool | None,
+    report: Report,
 ) -> xr.Dataset:
     """Return the margins of the candidates, and the metrics of their simulations.
 
@@ -311,16 +328,19 @@ def _table(
     drives = {name: found[name].drive for name in simulated}
     plants = dict(list(content["plants"].items())[:_SIMULATED])
 
-    def evaluation(name: str, *run: str) -> Evaluation:
-        if name in drives:
-            return study.evaluation(name, *run)
-        return Evaluation(failure=f"{NOT_SIMULATED}, because it {found[name].refusal}.")
+    def evaluations(runs: Sequence[Sequence[str]]) -> Iterator[Evaluation]:
+        for k, (name, *run) in enumerate(runs):
+            report(k / len(runs))
+            if name in drives:
+                yield study.evaluation(name, *run)
+            else:
+                yield Evaluation(failure=f"{NOT_SIMULATED}, because it {found[name].refusal}.")
 
     with warnings.catch_warnings():  # the table has the warnings of the runs
         warnings.simplefilter("ignore", FlexarmWarning)
         study = PreparedStudy(StudySpec(**{**content, "plants": plants}, drives=drives))
         names = study.names | {"controller": list(found)}
-        runs = comparison(names, (evaluation(*run) for run in runs_of(names)), progress)
+        runs = comparison(names, evaluations(runs_of(names)), progress=False)
     table = runs.isel(reference=0, drop=True).rename(controller="candidate")
     first, *others = SCORES[needs.task]
     score = sum((table[name] for name in others), table[first]).where(table["failure"] == "")
@@ -338,20 +358,6 @@ def _table(
     labels = {"units": "1", "long_name": "numbers that the controller keeps between samples"}
     table["states"] = ("candidate", [one.states for one in found.values()], labels)
     return table
-
-
-def _wait_until_settled(content: dict[str, Any], found: Mapping[str, Assessed]) -> None:
-    """Extend the runs until the loops have settled, and measure the error after that."""
-    run = content["run"]
-    if run["settling"]:  # the tasks with a time after the motion
-        decays = (-one.margins["growth"] for one in found.values() if not one.refusal)
-        time = float(f"{_TIME_CONSTANTS / min(decays, default=np.inf):.2g}")
-        least = run["settling"] * _AFTER
-        end, after = run["duration"] - least, max(least, time)
-        content["run"] = run | {
-            "duration": rounded([end + after], 6)[0],
-            "settling": float(f"{after * (1.0 - 1.0 / _AFTER):.2g}"),
-        }
 
 
 def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset) -> str:
@@ -395,107 +401,12 @@ def _refusal(
     return ""
 
 
-#: Depth of the tip in the surface of the force task, relative to the length of the arm, and the
-#: relative damping times this length and the lowest frequency.
-_SURFACE_DEPTH, _SURFACE_DAMPING = 3e-4, 9.0
-#: Deflection of the tip under the disturbance of the task "hold", relative to the length of the
-#: arm, if the joints did not move.
-_DISTURBED = 0.01
-#: Time before the motion in periods of the lowest frequency; with a force, which is zero at the
-#: start; and time after the motion.
-_BEFORE, _BEFORE_PRESSED, _AFTER = 0.2, 2.0, 3.0
-#: Time after the motion in time constants of the slowest pole of a loop.
-_TIME_CONSTANTS = 10.0
 #: Error of the tip, relative to the reach, that a run by default does not resolve.
 _RESOLVED = 1e-5
 #: Error of the tip, relative to the reach, of runs that failed.
 _MISSED = 0.05
 #: Share of a run with a motor at its limit above which the reasons mention it.
 _LIMITED = 0.1
-#: Recorded samples in a period of the lowest frequency.
-_RATE = 150.0
-
-
-def case_of(needs: Requirements) -> dict[str, Any]:
-    """Return the content of a study without drives: the keys of a file, for all candidates."""
-    content: dict[str, Any] = {"arm": needs.arm.spec, "motions": {needs.task: _motion(needs)}}
-    if needs.task == "hold" and needs.lowest:
-        # The disturbance is a push across the last link at the tip, for one period.
-        arm, links = needs.arm, len(needs.arm.spec.links)
-        still = equilibrium(arm, needs.start)
-        angle = float(arm.tip(arm.rest(needs.start))[2])
-        across = np.array([-np.sin(angle), np.cos(angle)])  # of the last link
-        pushed = equilibrium(arm, needs.start, loads=[Load(links, tuple(across.tolist()))])
-        compliance = np.hypot(*(arm.tip(pushed.q)[:2] - arm.tip(still.q)[:2]))
-        force = rounded(across * _DISTURBED * arm.reach / compliance)
-        before, period = _BEFORE * needs.period, needs.period
-        times = rounded([before, before, before + period, before + period])
-        factor = {"times": times, "values": [0.0, 1.0, 1.0, 0.0]}
-        content["loads"] = [{"link": links, "force": force, "factor": factor}]
-    if needs.task == "force":
-        content["contacts"] = [_surface(needs)]
-    content["hardware"] = needs.hardware
-    content["plants"] = plants_of(needs)
-    motion = content["motions"][needs.task]
-    moved = motion.get("path", motion)
-    end = moved["start_time"] + moved["duration"]
-    after = 0.0 if needs.task in ("hold", "force") else float(f"{_AFTER * needs.period:.2g}")
-    settling = float(f"{after / _AFTER:.2g}")
-    (duration,), (rate,) = rounded([end + after], 6), rounded([_RATE / needs.period], 1)
-    content["run"] = {"duration": duration, "rate": rate, "settling": settling}
-    return content
-
-
-def _motion(needs: Requirements) -> dict[str, Any]:
-    start, end = rounded(needs.start, 6), rounded(needs.end, 6)
-    periods = _BEFORE_PRESSED if needs.task == "force" else _BEFORE
-    before = float(f"{periods * needs.period:.2g}")
-    times = {"duration": needs.motion_time, "start_time": before}
-    if not needs.of_tip:
-        return {"kind": "joint", "start": start, "end": end, **times}
-    line = {"kind": "line", "start": start, "end": end, **times}
-    if needs.task == "track":
-        return line
-    return {"kind": "pressed", "path": line, "force": needs.force}
-
-
-def _surface(needs: Requirements) -> dict[str, Any]:
-    """Return the wall along the line of the tip; the base is on its free side."""
-    along = needs.end - needs.start
-    normal = np.array([-along[1], along[0]]) / np.hypot(*along)
-    if normal @ needs.start > 0.0:  # it points away from the base
-        normal = -normal
-    reach = needs.arm.reach
-    stiffness = needs.force / (_SURFACE_DEPTH * reach)
-    damping = _SURFACE_DAMPING * needs.period / (2.0 * np.pi * reach)
-    return {
-        "surface": {
-            "kind": "wall",
-            "point": rounded(needs.start, 6),
-            "normal": rounded(normal, 6),
-        },
-        "stiffness": rounded([stiffness], 2)[0],
-        "damping": rounded([damping], 2)[0],
-    }
-
-
-def plants_of(needs: Requirements) -> dict[str, dict[str, Any]]:
-    """Return plants at the limits of the uncertainty, named by it; the first is the model."""
-    found: dict[str, dict[str, Any]] = {"nominal": {}}
-    heavy = {"payload_factor": 1.0 + needs.payload}
-    light = {"payload_factor": max(0.0, 1.0 - needs.payload)}
-    soft = {"flexural_rigidity_factor": 1.0 - needs.rigidity}
-    stiff = {"flexural_rigidity_factor": 1.0 + needs.rigidity}
-    if needs.payload and needs.rigidity:
-        found["heavy, soft"] = heavy | soft
-        found["light, stiff"] = light | stiff
-        found["heavy, stiff"] = heavy | stiff
-        found["light, soft"] = light | soft
-    elif needs.payload:
-        found |= {"heavy": heavy, "light": light}
-    elif needs.rigidity:
-        found |= {"soft": soft, "stiff": stiff}
-    return found
 
 
 _ERRORS = {
@@ -537,6 +448,11 @@ def reasons_of(
         if margins["disk_margin"] < needs.disk_margin:
             text += f" No candidate has the required disk margin of {needs.disk_margin:g}."
         sentences.append(text)
+    if time := found[chosen].sticking_time:
+        sentences.append(
+            f"Until the tip is within {STUCK:.1%} of the reach of its goal, dry friction may hold "
+            f"the joints for {time:.2g} s, which the integral needs to release them."
+        )
     share = float(table["saturation"].sel(candidate=chosen).max())
     if share > _LIMITED:
         sentences.append(
@@ -596,4 +512,4 @@ def _advice(needs: Requirements) -> Iterator[str]:
 
 
 def _amount(needs: Requirements, error: float) -> str:
-    return f"{error:.3g} N" if needs.task == "force" else f"{1e3 * error:.3g} mm"
+    return f"{error:.3g} N" if needs.task == "force" else length_text(error)

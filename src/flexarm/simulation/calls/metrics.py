@@ -33,6 +33,17 @@ class Metric(NamedTuple):
         return (1e3, "mm") if self.unit == "m" else (1.0, self.unit)
 
 
+def length_unit(largest: float) -> tuple[float, str]:
+    """Return factor and unit in which lengths up to ``largest`` (m) are read: mm, or m from 1 m."""
+    return (1.0, "m") if largest >= 1.0 else (1e3, "mm")
+
+
+def length_text(length: float) -> str:
+    """Return a length (m) with its unit."""
+    factor, unit = length_unit(length)
+    return f"{factor * length:.3g} {unit}"
+
+
 METRICS = (
     Metric("tip_error_rms", "m", "distance of the tip from its reference while this moves, RMS"),
     Metric("tip_error_peak", "m", "largest distance of the tip from its reference, all the run"),
@@ -88,6 +99,13 @@ def on_base(points: FloatArray, base: FloatArray | None) -> FloatArray:
     x, y = points.T
     turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
     return np.asarray(base[:, :2] + turned)
+
+
+def tip_error(arm: Arm, reference: Reference, result: xr.Dataset) -> FloatArray:
+    """Return the distance (T,) m of the tip of a result from that of a reference of an arm."""
+    base = result["base_position"].values if "base_position" in result else None
+    desired = on_base(tip_reference(arm, reference, result["time"].values), base)
+    return np.asarray(np.hypot(*(result["tip"].values - desired).T))
 
 
 def metrics_of(

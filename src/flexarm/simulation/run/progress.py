@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from typing import Any
 
 from flexarm.base.arguments import check_flag
@@ -12,6 +13,18 @@ from flexarm.base.arguments import check_flag
 PATIENCE = 1.0
 #: The same for the first line of a stream that is not a terminal, and the fraction between lines.
 PATIENCE_FOR_LINES, PART = 10.0, 0.05
+
+#: Function that receives the completed fraction of a task, 0 to 1.
+Report = Callable[[float], None]
+
+
+def unreported(_: float) -> None:
+    """Do not report the completed fraction."""
+
+
+def stage(report: Report, first: float, last: float) -> Report:
+    """Return the report of a stage of a task, from a fraction of the task to another one."""
+    return lambda fraction: report(first + (last - first) * fraction)
 
 
 class Meter:

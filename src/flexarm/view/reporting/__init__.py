@@ -26,7 +26,7 @@ from flexarm.cases.scenario.summary import about_arm, about_run
 from flexarm.identification.result import Identification, is_identification
 from flexarm.model import Contact
 from flexarm.simulation.calls.compare import warnings_of
-from flexarm.simulation.calls.metrics import METRICS, metrics_of, on_base, tip_reference
+from flexarm.simulation.calls.metrics import METRICS, metrics_of, tip_error
 from flexarm.simulation.calls.result import arm_of
 from flexarm.view.plot import drawn_result
 from flexarm.view.plot.animation.scene import (
@@ -175,7 +175,7 @@ def errors_table(result: xr.Dataset, arm: Arm, reference: Any) -> Table:
             name = f"{words[0].upper()}{words[1:]} [{unit}]"
             rows.append((name, number(scale * values[metric.name])))
             notes[name] = metric.meaning
-    end = 1e3 * float(_tip_error(arm, reference, result)[-1])
+    end = 1e3 * float(tip_error(arm, reference, result)[-1])
     rows.append(("Tip error at the end [mm]", number(end)))
     desired = np.asarray(reference.joint_angle(float(result["time"].values[-1])))
     missed = result["joint_angle"].values[-1] - desired
@@ -187,14 +187,6 @@ def errors_table(result: xr.Dataset, arm: Arm, reference: Any) -> Table:
             "joints that follow the bent arm differ from them"
         )
     return Table("Errors from the reference", ("", "value"), tuple(rows), notes)
-
-
-def _tip_error(arm: Arm, reference: Any, result: xr.Dataset) -> _FloatArray:
-    """Return the distance of the tip from its reference (T,) m."""
-    base = result["base_position"].values if "base_position" in result else None
-    desired = on_base(tip_reference(arm, reference, result["time"].values), base)
-    missed = result["tip"].values - desired
-    return np.asarray(np.hypot(*missed.T))
 
 
 def energies(result: xr.Dataset) -> dict[str, _FloatArray]:
@@ -265,7 +257,7 @@ def key_figures(result: xr.Dataset, arm: Arm, reference: Any) -> list[tuple[str,
         bent = np.abs(result["link_tip_deflection"].values)
         figures.append(("peak tip deflection of a link", number(1e3 * float(bent.max())), "mm"))
     if reference is not None:
-        end = float(_tip_error(arm, reference, result)[-1])
+        end = float(tip_error(arm, reference, result)[-1])
         figures.append(("tip error at the end", number(1e3 * end), "mm"))
     if "torque" in result and result["torque"].size:
         figures.append(("peak torque", number(float(abs(result["torque"].values).max())), "N m"))
@@ -317,7 +309,7 @@ def panels(
 
 def error_panel(result: xr.Dataset, arm: Arm, reference: Any) -> drawn_result.Signals:
     """Return the distance of the tip from its reference over time."""
-    return _readable("tip_error", "m", result, _tip_error(arm, reference, result)[:, None], "")
+    return _readable("tip_error", "m", result, tip_error(arm, reference, result)[:, None], "")
 
 
 def _readable(
