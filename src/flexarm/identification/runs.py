@@ -20,6 +20,7 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.identification.record import (
+    INERTIAL,
     Label,
     MeasuredRecord,
     columns_of,
@@ -30,7 +31,9 @@ from flexarm.identification.record import (
 from flexarm.identification.space import Case, Space, leading_joints, start_angles
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium, modes
+from flexarm.model.arm.mechanism import place_faults
 from flexarm.simulation.batch.run import simulate_batch
+from flexarm.simulation.calls.inertial import inertial_channels
 from flexarm.simulation.calls.preparation import integrator_of
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.loads import PrescribedAngle
@@ -64,7 +67,11 @@ class RecordRun:
         self._places = [place_of(arm, label) for label in self.labels]
         constants = [path.simulated(np.ones((times.size, 1))) for path in self._paths]
         self._constant = np.concatenate(constants, axis=1)  # an offset of one as recorded
-        self.channels = list(dict.fromkeys(label.channel for label in self.labels))
+        compared = list(dict.fromkeys(label.channel for label in self.labels))
+        self._inertial = not INERTIAL.keys().isdisjoint(compared)
+        #: Channels of simulations that the outputs require.
+        self.channels = [name for name in compared if name not in INERTIAL]
+        self.channels += ["q", "qd"] * self._inertial
         #: Inputs (samples, joints), in their unit.
         self.samples = np.zeros((times.size, arm.n_joints))
         for label, column in record.inputs.items():
@@ -83,6 +90,9 @@ class RecordRun:
                 place_of(arm, label)
             except InputError as error:
                 problems += error.problems
+        for sensor in self.record.settings.sensors:
+            faults = place_faults(arm.spec.links, sensor.link, sensor.station)
+            problems += [fault.inside("sensors").problem() for fault in faults]
         windings = [joint.winding is not None for joint in arm.spec.joints if not joint.fixed]
         if self.record.input == "voltage" and not all(windings):
             problems.append(Problem("input", "is voltage, but not every joint has a winding"))
@@ -100,7 +110,7 @@ class RecordRun:
     def differentiable(self) -> bool:
         """Whether ``sensitivities`` supports the run, its start and its outputs."""
         settled = self.record.settings.initial == "equilibrium"
-        return not settled and "torque" not in self.channels
+        return not (settled or self._inertial or "torque" in self.channels)
 
     @property
     def proportional(self) -> bool:
@@ -220,6 +230,14 @@ class RecordRun:
         for row, k in enumerate(runs):
             failure = str(batch["failure"].values[row])
             rows = {name: value[row] for name, value in values.items()}
+            if self._inertial and not failure:
+                arguments = self.arguments(cases[k])
+                if drives:
+                    arguments["torque"] = self._torque(cases[k], drives[k])
+                state = rows["q"], rows["qd"]
+                rows |= inertial_channels(
+                    arms[row], self.record.settings.sensors, *state, **arguments
+                )
             outputs[k] = failure or self._outputs(rows, cases[k])
         return outputs
 

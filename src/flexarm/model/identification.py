@@ -13,7 +13,7 @@ from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
 from flexarm.model.file_format.files import _located
 from flexarm.model.file_format.yaml_text import Document
-from flexarm.model.hardware import Motors, Seed
+from flexarm.model.hardware import InertialSensor, Motors, Seed
 from flexarm.model.quantities import (
     Count,
     Flag,
@@ -116,6 +116,8 @@ UNITS: dict[str, dict[str, float]] = {
         "rpm": 0.10471975511965977,
         "rev/s": 6.283185307179586,
     },
+    "rad/s^2": {"rad/s^2": 1.0, "deg/s^2": 0.017453292519943295},
+    "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3, "g": 9.80665, "mg": 9.80665e-3},
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
     "m/s": {"m/s": 1.0, "mm/s": 1e-3},
     "N m": {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3},
@@ -169,6 +171,9 @@ class RecordSettings(Record):
     """Delay by channel (s): from a command to its torque, or from a motion to its reading."""
     filters: Mapped[Filters] = Field(default={}, validate_default=True)
     """Filters by channel, in their order."""
+    sensors: Listed[InertialSensor] = ()
+    """Accelerometers and gyroscopes: acceleration_1 and angular_rate_1 are readings of the first. A
+    torque that jumps at a sample acts on them after it."""
     initial: Literal["rest", "equilibrium", "estimate"] = "rest"
     """Initial state: straight links at rest, the equilibrium with locked joints, or estimated from
     the record."""
