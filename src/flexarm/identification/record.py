@@ -32,7 +32,9 @@ CURRENT = Channel("current", ("joint",), "A", "current of the joint motors")
 VOLTAGE = Channel("voltage", ("joint",), "V", "voltage of the joint motors")
 #: Readings of inertial sensors and joint accelerations, which follow from a motion and its torques.
 INERTIAL = {
-    "joint_acceleration": Channel("joint_acceleration", ("joint",), "rad/s^2", "its second derivative"),
+    "joint_acceleration": Channel(
+        "joint_acceleration", ("joint",), "rad/s^2", "its second derivative"
+    ),
     "acceleration": Channel("acceleration", ("sensor",), "m/s^2", "reading of the accelerometer"),
     "angular_rate": Channel("angular_rate", ("sensor",), "rad/s", "reading of the gyroscope"),
 }
@@ -427,7 +429,9 @@ class MeasuredRecord:
             hint = "Give the torque of the record as the input."
             problems.append(Problem(next(iter(inertial)), rule, hint=hint))
         for label in (item for columns in inertial.values() for item in columns):
-            if MEASURED[label.channel].dims == ("sensor",) and label.part > len(settings.sensors):
+            if MEASURED[label.channel].dims == ("sensor",) and int(label.part) > len(
+                settings.sensors
+            ):
                 rule = f"is {label.text}, but the record has {len(settings.sensors)} sensors"
                 hint = "For example sensors=[fa.InertialSensor(link=1)]."
                 problems.append(Problem("data", rule, hint=hint))

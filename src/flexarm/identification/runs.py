@@ -128,10 +128,13 @@ class RecordRun:
         state = {"initial": q, "initial_rate": qd, "prescribed": self._prescribed or None}
         return common | state | {"torque": self._torque(case)}
 
-    def beginning(self, samples: int) -> RecordRun | None:
-        """Return the run of the first samples of the record; None if it has hardly more."""
-        record = self.record
-        if self.times.size < 2 * samples or record.controller is not None:
+    def beginning(self, most: int, least: int) -> RecordRun | None:
+        """Return the run of the first quarter of a record, of at most some samples.
+
+        None if it has fewer than ``least``, or the record has a controller.
+        """
+        record, samples = self.record, min(most, self.times.size // 4)
+        if samples < least or record.controller is not None:
             return None
         data = record.data.isel(time=slice(0, samples))
         return type(self)(
@@ -208,37 +211,33 @@ class RecordRun:
                 outputs[k] = str(error)
         if not runs:
             return outputs
-        arms, q, qd = zip(*runs.values(), strict=True)
+        torques = {k: self._torque(cases[k], drives[k] if drives else None) for k in runs}
+        common: dict[str, Any] = {"rate": self.record.rate, "prescribed": self._prescribed or None}
+        common |= {"progress": False, **self._options}
+        rows: list[tuple[str, dict[str, FloatArray]]] = []
         try:
-            batch = simulate_batch(
-                list(arms),
-                self.record.duration,
-                torque=[self._torque(cases[k], drives[k] if drives else None) for k in runs],
-                initial=np.array(q),
-                initial_rate=np.array(qd),
-                channels=self.channels,
-                rate=self.record.rate,
-                prescribed=self._prescribed or None,
-                progress=False,
-                **self._options,
-            )
+            if len(runs) == 1:  # without the seven empty lanes of a batch
+                ((k, (arm, q, qd)),) = runs.items()
+                state: dict[str, Any] = {"initial": q, "initial_rate": qd, "torque": torques[k]}
+                result = simulate(arm, self.record.duration, **state, **common)
+                rows = [("", {name: result[name].values for name in self.channels})]
+            else:
+                arms, *starts = zip(*runs.values(), strict=True)
+                state = dict(zip(("initial", "initial_rate"), map(np.array, starts), strict=True))
+                state |= {"torque": list(torques.values()), "channels": self.channels}
+                batch = simulate_batch(list(arms), self.record.duration, **state, **common)
+                values = {name: batch[name].values for name in self.channels}
+                for row, failure in enumerate(batch["failure"].values.tolist()):
+                    rows.append((failure, {name: value[row] for name, value in values.items()}))
         except SimulationError as error:
-            for k in runs:
-                outputs[k] = str(error)
-            return outputs
-        values = {name: batch[name].values for name in self.channels}
-        for row, k in enumerate(runs):
-            failure = str(batch["failure"].values[row])
-            rows = {name: value[row] for name, value in values.items()}
+            rows = [(str(error), {})] * len(runs)
+        for (k, (arm, *_)), (failure, channels) in zip(runs.items(), rows, strict=True):
             if self._inertial and not failure:
-                arguments = self.arguments(cases[k])
-                if drives:
-                    arguments["torque"] = self._torque(cases[k], drives[k])
-                state = rows["q"], rows["qd"]
-                rows |= inertial_channels(
-                    arms[row], self.record.settings.sensors, *state, **arguments
-                )
-            outputs[k] = failure or self._outputs(rows, cases[k])
+                arguments = {**self.arguments(cases[k]), "torque": torques[k]}
+                motion = channels["q"], channels["qd"]
+                sensors = self.record.settings.sensors
+                channels |= inertial_channels(arm, sensors, *motion, **arguments)
+            outputs[k] = failure or self._outputs(channels, cases[k])
         return outputs
 
     def _outputs(self, channels: Mapping[str, FloatArray], case: Case) -> FloatArray:
