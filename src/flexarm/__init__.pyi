@@ -116,6 +116,7 @@ from .model import FreeParameter as FreeParameter
 from .model import Friction as Friction
 from .model import Gauge as Gauge
 from .model import Hardware as Hardware
+from .model import InertialSensor as InertialSensor
 from .model import Instrument as Instrument
 from .model import InstrumentFault as InstrumentFault
 from .model import Joint as Joint

@@ -8,6 +8,9 @@ record cannot determine; the script counts the seeds in which exactly these are 
 With ``--rough`` the joints have friction that the model lacks, and the errors of the readings are
 correlated over time.
 
+With ``--halves`` the two halves of each record are fitted, and the script prints how often the
+estimates of both agree within their intervals, and contain the true values.
+
 With ``--first-order`` it does not fit: one Gauss-Newton step from the true values gives the
 estimates of every seed, and the bias without noise, in seconds.
 """
@@ -17,6 +20,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +77,32 @@ def main(seeds: range, names: list[str], elements: int | None, rough: bool = Fal
         print(f"median time of a fit {np.median(seconds):.2f} s")
 
 
+def halves(seeds: range, names: list[str], elements: int | None) -> None:
+    """Print the agreement of the halves of rough records, and the coverage of both."""
+    for bench in (ONE, TWO):
+        if names and bench.name not in names:
+            continue
+        free, differences, scores = FREE[bench.name], [], []
+        true = np.array([truth(bench, path) for path in free])
+        for seed in seeds:
+            arm, found = believed(bench, seed, elements), []
+            for part in ({"end": END}, {"start": END, "initial": "estimate"}):
+                measured = rough_record(bench, seed, **part)
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    fit = fa.identify(arm, measured, free, progress=False)
+                table = fit.parameters
+                found.append((table["estimate"].values, table["standard_deviation"].values))
+            (first, one), (second, two) = found
+            differences.append((first - second) / np.hypot(one, two))
+            scores += [(first - true) / one, (second - true) / two]
+            print(seed, np.round(differences[-1], 1), np.round(scores[-2:], 1), flush=True)
+        print("halves against each other:")
+        show(bench, np.array(differences))
+        print("both against the true values:")
+        show(bench, np.array(scores))
+
+
 def first_order(seeds: range, names: list[str], elements: int | None) -> None:
     """Print the coverage for each bench, to first order in noise and errors of the mesh."""
     for bench in (ONE, TWO, THREE):
@@ -122,9 +152,12 @@ if __name__ == "__main__":
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--first-order", action="store_true", help="do not fit")
     parser.add_argument("--rough", action="store_true", help="friction and coloured errors")
+    parser.add_argument("--halves", action="store_true", help="halves of such records")
     given = parser.parse_args()
     chosen = range(given.first, given.first + given.seeds)
-    if given.first_order:
+    if given.halves:
+        halves(chosen, given.benches, given.elements)
+    elif given.first_order:
         first_order(chosen, given.benches, given.elements)
     else:
         main(chosen, given.benches, given.elements, given.rough)

@@ -259,6 +259,7 @@ def test_units_have_their_definitions():
     """The definitions of SI, by prefix or in full."""
     defined = {"deg": np.pi / 180, "rev": 2 * np.pi, "rpm": 2 * np.pi / 60, "%": 0.01}
     defined |= {"deg/s": np.pi / 180, "rev/s": 2 * np.pi, "Nm": 1.0, "m/m": 1.0}
+    defined |= {"deg/s^2": np.pi / 180, "g": 9.80665, "mg": 9.80665e-3, "N.m": 1.0}
     defined |= {"mNm": 1e-3, "mm/m": 1e-3, "um/m": 1e-6, "ustrain": 1e-6}
     prefixes = {"c": 1e-2, "m": 1e-3, "u": 1e-6}
     for unit, names in UNITS.items():
@@ -463,3 +464,143 @@ def test_a_footer_of_text_is_named(tmp_path):
         pytest.raises(fa.InputError, match="time has no number in sample 51"),
     ):
         fa.read_record(path)
+
+
+def test_jitter_and_lost_samples_do_not_change_the_rate(tmp_path):
+    """The median of 500 jittered intervals is wrong by up to 1 %."""
+    path, random = tmp_path / "bench.csv", np.random.default_rng(0)
+    times = np.arange(500) / 100.0 + 2e-3 * random.uniform(-1.0, 1.0, 500)
+    times = np.delete(times, [100, 101])
+    pd.DataFrame({"t": times, "torque_1": times, "tip_x": times}).to_csv(path, index=False)
+    record = fa.read_record(path)
+    assert record.rate == pytest.approx(100.0, rel=1e-12)
+    np.testing.assert_allclose(record.data["torque"][:, 0] - record.times, times[0], atol=1e-12)
+
+
+def test_wrong_stamps_far_after_the_start(tmp_path):
+    path, times = tmp_path / "bench.csv", TIMES.copy()
+    times[0], times[-1] = 1e6, 0.0
+    pd.DataFrame({"t": times, "tip_x": TIMES}).to_csv(path, index=False)
+    record = fa.read_record(path, start=0.1, end=0.3)
+    np.testing.assert_allclose(record.data["tip"][:, 0], TIMES[10:31], atol=1e-12)
+
+
+def test_one_record_from_several_files(tmp_path):
+    """The clock of the second file is 0.3 s late, and its rate is five times as high."""
+    frame = pd.DataFrame({"time": TIMES, "torque_1": FORCE})
+    frame.to_csv(tmp_path / "drive.csv", index=False)
+    late = np.arange(300) / 500.0 - 0.2
+    frame = pd.DataFrame({"time [ms]": 1e3 * late, "bridge [um/m]": 4.0 * late + 1.2})
+    frame.to_csv(tmp_path / "strain.csv", index=False)
+    column = {"column": "bridge", "file": "strain.csv", "shift": 0.3}
+    channels = {"torque_1": "torque_1", "strain_1": column}
+    record = fa.read_record(tmp_path / "drive.csv", channels)
+    # Both files have samples from 0.1 s (the second one) to 0.49 s (the first one).
+    assert (record.rate, record.duration) == pytest.approx((100.0, 0.39))
+    inside = TIMES > 0.0999
+    np.testing.assert_allclose(record.data["torque"][:, 0], FORCE[inside], atol=1e-12)
+    # The values are 4 t in the time of the first file; the filter before the lower rate changes
+    # the ends of a ramp.
+    strain = record.data["strain"].values[:, 0]
+    np.testing.assert_allclose(strain[5:-5], 4e-6 * TIMES[inside][5:-5], atol=2e-8)
+
+
+def test_dates_of_several_files_have_one_origin(tmp_path):
+    for name, column, offset in (("a.csv", "torque_1", 0), ("b.csv", "angle", 100)):
+        stamps = pd.to_datetime("2024-05-03T10:00:00Z") + pd.to_timedelta(
+            10 * np.arange(50) + offset, unit="ms"
+        )
+        values = 0.01 * np.arange(50) + 1e-3 * offset
+        frame = pd.DataFrame({"timestamp": stamps.strftime("%Y-%m-%dT%H:%M:%S.%fZ")})
+        frame.assign(**{column: values}).to_csv(tmp_path / name, index=False)
+    channels = {"torque_1": "torque_1", "joint_angle_1": {"column": "angle", "file": "b.csv"}}
+    record = fa.read_record(tmp_path / "a.csv", channels)
+    angle, torque = (record.data[name].values[:, 0] for name in ("joint_angle", "torque"))
+    np.testing.assert_allclose(angle, torque, atol=1e-9)
+    assert torque[0] == pytest.approx(0.1)
+
+
+def test_masks_leave_out_parts_of_channels(tmp_path):
+    path = tmp_path / "bench.csv"
+    pd.DataFrame({"t": TIMES, "tip_x": TIMES, "tip_y": TIMES}).to_csv(path, index=False)
+    record = fa.read_record(path, start=0.1, masks={"tip_x": [(0.2, 0.25), (0.4, 0.41)]})
+    missing = np.isnan(record.data["tip"].values)
+    expected = ((TIMES > 0.199) & (TIMES < 0.251)) | ((TIMES > 0.399) & (TIMES < 0.411))
+    np.testing.assert_array_equal(missing[:, 0], expected[10:])
+    assert not missing[:, 1].any()
+    with pytest.raises(fa.InputError, match=r"masks: tip names a channel that is not read"):
+        fa.read_record(path, {"joint_angle_1": "tip_x"}, masks={"tip": [(0.2, 0.25)]})
+    with pytest.raises(fa.InputError, match=r"masks.tip_x\[0\] must end after its start"):
+        fa.read_record(path, masks={"tip_x": [(0.3, 0.2)]})
+
+
+def scope(signals):
+    return {"time": TIMES[:, None], "signals": signals, "blockName": "bench/Scope"}
+
+
+def signals_of(*columns):
+    """Return a structure array as Simulink writes it."""
+    fields = [("values", object), ("dimensions", object), ("label", object)]
+    rows = np.zeros(len(columns), dtype=fields)
+    for k, column in enumerate(columns):
+        rows[k] = column[:, None], 1, f"signal {k}"
+    return rows
+
+
+SIMULINK = {
+    "several signals": (
+        {"S": scope(signals_of(ANGLE, FORCE))},
+        ("S.signals[0].values", "S.signals[1].values"),
+        None,
+    ),
+    "one signal": (
+        {"S": scope({"values": np.stack([ANGLE, FORCE], axis=1), "label": ""})},
+        ("S.signals.values[0]", "S.signals.values[1]"),
+        None,
+    ),
+    "signals of matrices": (
+        {"S": scope({"values": np.stack([ANGLE, FORCE])[:, None, :], "label": ""})},
+        ("S.signals.values[0]", "S.signals.values[1]"),
+        None,
+    ),
+    "To File": ({"ans": np.stack([TIMES, ANGLE, FORCE])}, ("ans[1]", "ans[2]"), "ans[0]"),
+    "To Workspace": (
+        {"tout": TIMES[:, None], "yout": np.stack([ANGLE, FORCE], axis=1)},
+        ("yout[0]", "yout[1]"),
+        None,
+    ),
+}
+
+
+@pytest.mark.parametrize("form", SIMULINK)
+def test_forms_of_simulink(form, tmp_path):
+    content, (angle, force), time = SIMULINK[form]
+    path = tmp_path / "bench.mat"
+    savemat(path, content)
+    channels = {"joint_angle_1": {"column": angle, "unit": "deg"}, "torque_1": force}
+    record = fa.read_record(path, channels, time=time)
+    np.testing.assert_allclose(record.data["joint_angle"][:, 0], np.deg2rad(ANGLE), atol=1e-12)
+    np.testing.assert_allclose(record.data["torque"][:, 0], FORCE, atol=1e-12)
+
+
+def test_signals_of_a_scope_in_version_7_3(tmp_path):
+    """Lists of structures are references there."""
+    path = tmp_path / "bench.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        group, hidden = file.create_group("S"), file.create_group("#refs#")
+        group["time"] = TIMES[None, :]
+        fields = group.create_group("signals").create_dataset("values", (2, 1), h5py.ref_dtype)
+        for k, values in enumerate((ANGLE, FORCE)):
+            hidden[f"{k}"] = values[None, :]
+            fields[k, 0] = hidden[f"{k}"].ref
+    channels = {"tip_x": "S.signals[0].values", "torque_1": "S.signals[1].values"}
+    record = fa.read_record(path, channels)
+    np.testing.assert_allclose(record.data["tip"][:, 0], ANGLE, atol=1e-12)
+    np.testing.assert_allclose(record.data["torque"][:, 0], FORCE, atol=1e-12)
+
+
+def test_a_file_without_a_header(tmp_path):
+    path = tmp_path / "bench.txt"
+    path.write_text(rows(TIMES, ANGLE).replace(",", " "))
+    record = fa.read_record(path, {"tip_x": "column[1]"}, time="column[0]")
+    np.testing.assert_allclose(record.data["tip"][:, 0], ANGLE, atol=1e-8)

@@ -173,9 +173,9 @@ def test_beginnings_of_long_records_count_as_iterations(monkeypatch):
         return evaluate(self, scaled)
 
     monkeypatch.setattr(fitting.FitProblem, "residuals", counted)
-    monkeypatch.setattr(fitting, "_BEGINNING", 100)
+    monkeypatch.setattr(fitting, "_BEGINNING", (1000, 50))
     quiet(believed(ONE), record(ONE.name, 1, end=1.2), FREE[ONE.name], starts=1, iterations=6)
-    assert 100 in counts
+    assert 60 in counts
     assert len(counts) <= 6
 
 

@@ -27,13 +27,15 @@ _GUESS, _LEAST = 0.1, 1e-7
 #: Relative changes of the sum of squares or of the parameters that end the fit.
 COARSE, _FINE = 1e-3, 1e-6
 
+#: First step of a search, in scales of the parameters.
+_FIRST = 0.3
 #: Most fits for one end of a profile, evaluations of each, and how often these are repeated.
 _PROFILED, _EACH, _AGAIN = 10, 8, 3
 #: Tolerance of the root of the rise, root below which the cost is flat, and deviation of the prior
 #: that holds a parameter, relative to its change.
 _NEAR, _FLAT, _NARROW = 0.05, 0.2, 1e-3
-#: Samples of the beginning of each record that is fitted first.
-_BEGINNING = 1000
+#: Most and fewest samples of the beginning of each record that is fitted first.
+_BEGINNING = 1000, 200
 #: Called with the evaluation's number, the sum of squares, and runs and outputs of all records.
 Watch = Callable[[int, float, Sequence[RecordRun], Sequence[FloatArray]], None]
 
@@ -84,7 +86,7 @@ class FitProblem:
     def beginning(self) -> FitProblem | None:
         """Return the problem of the beginnings of all records; None if they are short."""
         try:
-            runs = [run.beginning(_BEGINNING) for run in self.runs]
+            runs = [run.beginning(*_BEGINNING) for run in self.runs]
         except InputError:  # a channel has no samples there
             return None
         short = [run for run in runs if run is not None]
@@ -301,10 +303,15 @@ def _minimum(
     accepted: list[FloatArray] = []
     if not scaled.size:
         return scaled, True, 1
+    # The method takes the size of the start for that of its first step.
+    shift = _FIRST - scaled
+
+    def residuals(place: FloatArray) -> FloatArray:
+        return problem.residuals(place - shift)
 
     def jacobian(place: FloatArray) -> FloatArray:
-        rows = problem.jacobian(place)
-        accepted.append(place.copy())
+        rows = problem.jacobian(place - shift)
+        accepted.append(place - shift)
         return rows
 
     try:
@@ -312,10 +319,10 @@ def _minimum(
         room = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
         margin = 1e-6 * np.minimum(room, 1.0)
         solution = least_squares(
-            problem.residuals,
-            np.clip(scaled, lower + margin, upper - margin),
+            residuals,
+            np.clip(scaled, lower + margin, upper - margin) + shift,
             jac=jacobian,
-            bounds=(lower, upper),
+            bounds=(lower + shift, upper + shift),
             method="trf",
             x_scale="jac",
             loss=loss,
@@ -328,7 +335,7 @@ def _minimum(
         if not accepted:
             raise
         return accepted[-1], False, iterations
-    return solution.x, solution.status > 0, int(solution.nfev)
+    return solution.x - shift, solution.status > 0, int(solution.nfev)
 
 
 def other_fits(

@@ -457,7 +457,7 @@ class PreparedIdentification:
         measured = {}
         for name, description in getattr(self.study, key).items():
             with problems_at(self._where, f"{key}.{name}", {"path": "file", "the record": ""}):
-                measured[name] = record_of_file(description, self._folder / description.file)
+                measured[name] = record_of_file(description, self._folder)
         return measured
 
     def check(self) -> None:

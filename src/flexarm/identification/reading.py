@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from io import StringIO
+from itertools import product
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +43,8 @@ _TURN = 0.5 * np.pi
 _PREAMBLE = 100
 #: Rounding of times, in their intervals, that matters: a hundredth shifts a sample by as much.
 _COARSE = 0.01
-#: Names of the column of the time.
-_TIMES = ("time", "t", "Time", "TIME")
+#: Names of the column of the time, in small letters and without the structures that contain it.
+_TIMES = ("time", "t", "timestamp", "tout")
 #: Cutoff of the filter before a record is reduced to a lower rate, as a fraction of that rate.
 _ANTI_ALIAS = 0.4
 
@@ -59,6 +60,7 @@ def read_record(
     rate: float | None = None,
     start: float | None = None,
     end: float | None = None,
+    masks: Mapping[str, Sequence[tuple[float, float]]] | None = None,
     encoding: str = "utf-8",
     skip: int = 0,
     controller: Controller | None = None,
@@ -73,15 +75,21 @@ def read_record(
             ``identify``.
         channels: columns by channel: ``{"joint_angle_1": "encoder", "tip_x": {"column": "x",
             "unit": "mm", "gain": 1.02, "offset": 0.0}}``. A number after the name of a channel is
-            that of the joint, link or gauge, from 1. Columns of arrays are ``name[0]`` and so on,
-            fields of structures ``name.field``. By default, all columns whose names are channels.
-            A unit in brackets after the name of a column applies.
-        time: column of the time, by default "time" or "t", of numbers or of dates and times of
-            ISO 8601; or ``sample_time``, s.
+            that of the joint, link, gauge or sensor, from 1. Columns of arrays are ``name[0]`` and
+            so on, fields of structures ``name.field``, those of a list of structures, such as the
+            signals of a Simulink scope, ``name[0].field``; those of a text file without a header
+            ``column[0]``. By default, all columns whose names are channels. A unit in brackets
+            after the name of a column applies. ``{"column": "bridge", "file": "strain.csv",
+            "shift": 0.2}`` is a column of another file in the same folder, with its own times, to
+            which 0.2 s are added; the record has the times of ``path`` at which all files have
+            samples.
+        time: column of the time, by default "time", "t", "tout" or "timestamp", of numbers or of
+            dates and times of ISO 8601; or ``sample_time``, s.
         time_unit: "s", "ms" or "us"; by default that in brackets after the name, or s.
         rate: Hz; samples between those of the file are interpolated linearly. A lower rate than
             that of the file is preceded by a low-pass filter without phase shift.
         start, end: part of the file to read, in its own time, s; wrong times outside do not matter.
+        masks: parts to leave out by channel, in the same time: ``{"strain_1": [(1.2, 1.5)]}``.
         encoding, skip: of a text file: its encoding, and the number of lines before its header. By
             default UTF-16 and Latin-1 are recognised, and the header is the line of names before
             the first row of numbers. Lines that begin with # are comments. A line of units may
@@ -104,32 +112,57 @@ def read_record(
     """
     file = check_path("path", path)
     given: dict[str, Any] = {"time": time, "time_unit": time_unit, "sample_time": sample_time}
-    given |= {"rate": rate, "start": start, "end": end, "channels": channels}
+    given |= {"rate": rate, "start": start, "end": end, "channels": channels, "masks": masks}
     fields = {name: value for name, value in given.items() if value is not None} | settings
     fields |= {"file": file.name, "encoding": encoding, "skip": skip}
     description = checked_arguments(RecordFile, **fields)
-    return record_of_file(description, file, controller, reference, hardware)
+    return record_of_file(description, file.parent, controller, reference, hardware)
+
+
+class _Source(NamedTuple):
+    """Content of a file."""
+
+    table: _Table
+    names: dict[str, str]  # headers of the columns by name without unit
+    times: FloatArray  # s
+    stated: bool  # whether their unit is
+
+
+class _Samples(NamedTuple):
+    """Samples of a channel, and their times (s), each (samples,)."""
+
+    times: FloatArray
+    values: FloatArray
 
 
 def record_of_file(
     description: RecordFile,
-    file: Path,
+    folder: Path,
     controller: Controller | None = None,
     reference: Reference | None = None,
     hardware: Hardware | None = None,
 ) -> record.MeasuredRecord:
-    """Read the record of a description from a file; the path in the description is not used."""
-    table = _read_table(file, description.encoding, description.skip)
-    names = {record.split_unit(header)[0]: header for header in table}
-    columns = _columns(description, table, names)
-    times, stated = _times(description, table, names)
+    """Read the record of a description, whose files are in a folder."""
+    sources: dict[str, _Source] = {}
+    origin: Any = None
+    for name in (description.file, *(c.file for c in description.channels.values())):
+        if name is None or name in sources:
+            continue
+        table = _read_table(folder / name, description.encoding, description.skip)
+        names = {record.split_unit(header)[0]: header for header in table}
+        times, stated, origin = _times(description, table, names, origin)
+        sources[name] = _Source(table, names, times, stated)
+    samples = _columns(description, sources)
+    columns = {label: values for label, (_, values) in samples.items()}
     for text in unwrap(columns):
         warn_caller(text, FlexarmWarning)
-    times, columns = _uniform(description, times, columns)
+    samples = {label: _Samples(samples[label].times, c) for label, c in columns.items()}
+    times, columns = _uniform(description, sources[description.file].times, samples)
     fields = {name: getattr(description, name) for name in RecordSettings.model_fields}
     chosen = RecordSettings(**fields)
-    data = record.dataset_of(times, columns).assign_attrs(_attributes_of(file))
-    if not stated:
+    attributes = _attributes_of(folder / description.file)
+    data = record.dataset_of(times, columns).assign_attrs(attributes)
+    if not all(source.stated for source in sources.values()):
         data["time"].attrs["assumed"] = 1
     return record.MeasuredRecord(
         data, chosen, controller=controller, reference=reference, hardware=hardware
@@ -137,33 +170,38 @@ def record_of_file(
 
 
 def _columns(
-    description: RecordFile, table: _Table, names: Mapping[str, str]
-) -> dict[record.Label, FloatArray]:
+    description: RecordFile, sources: Mapping[str, _Source]
+) -> dict[record.Label, _Samples]:
     """Return the measured columns in SI units; none of them is without numbers."""
-    columns: dict[record.Label, FloatArray] = {}
+    columns: dict[record.Label, _Samples] = {}
     problems: list[Problem] = []
+    main = sources[description.file]
     chosen = description.channels or {
-        name: Column(column=name) for name in names if record.label_of(name)
+        name: Column(column=name) for name in main.names if record.label_of(name)
     }
     if not chosen:
-        hint = f"Columns: {', '.join(list(table)[:20])}."
+        hint = f"Columns: {', '.join(list(main.table)[:20])}."
         raise InputError(Problem("channels", "is required: no column is a channel", hint=hint))
     for text, column in chosen.items():
-        place = f"channels.{text}"
+        place, source = f"channels.{text}", sources[column.file or description.file]
         try:
             label = record.check_label("channels", text)
-            header = _header(place, column.column, table, names)
+            header = _header(place, column.column, source.table, source.names)
             unit = column.unit or record.split_unit(header)[1]
             si = record.MEASURED[label.channel].unit
             factor = record.factor_of(place, unit, si) if unit else 1.0
+            values = column.gain * source.table[header].astype(np.float64) + column.offset
             if not unit:
-                _check_size(place, label, column.gain * table[header] + column.offset)
+                _check_size(place, label, values)
         except InputError as error:
             problems += error.problems
             continue
-        if not np.isfinite(table[header]).any():
+        if not np.isfinite(values).any():
             problems.append(Problem(place, f"names the column {header!r}, which has no numbers"))
-        columns[label] = factor * (column.gain * table[header] + column.offset)
+        if values.size != source.times.size:
+            rule = f"have {source.times.size} samples as the time"
+            problems.append(Problem(place, rule, str(values.size)))
+        columns[label] = _Samples(source.times + column.shift, factor * values)
     if problems:
         raise InputError(*problems)
     return columns
@@ -205,19 +243,28 @@ def _header(place: str, name: str, table: _Table, names: Mapping[str, str]) -> s
 
 
 def _times(
-    description: RecordFile, table: _Table, names: Mapping[str, str]
-) -> tuple[FloatArray, bool]:
-    """Return the times (samples,) of the file, s, and whether their unit is stated."""
+    description: RecordFile, table: _Table, names: Mapping[str, str], origin: Any
+) -> tuple[FloatArray, bool, Any]:
+    """Return the times (samples,) of a file, s, whether their unit is stated, and the origin.
+
+    The origin is the first of the dates in the files, from which all dates are counted.
+    """
     if description.sample_time is not None:
         length = max(column.size for column in table.values())
-        return description.sample_time * np.arange(length, dtype=np.float64), True
-    name = description.time or next((name for name in _TIMES if name in names), None)
+        return description.sample_time * np.arange(length, dtype=np.float64), True, origin
+    likely = [name for name in names if name.rpartition(".")[2].lower() in _TIMES]
+    name = description.time or (likely[0] if likely else None)
     if name is None:
         hint = f"Columns: {', '.join(list(table)[:20])}."
         raise InputError(Problem("time", "or sample_time is required", hint=hint))
     header = _header("time", name, table, names)
+    times = table[header]
+    if times.dtype.kind == "M":
+        origin = times[~np.isnat(times)][0] if origin is None else origin
+        seconds = np.where(np.isnat(times), np.nan, (times - origin) / np.timedelta64(1, "s"))
+        return seconds, True, origin
     unit = description.time_unit or record.split_unit(header)[1]
-    return table[header] * (record.factor_of("time", unit, "s") if unit else 1.0), bool(unit)
+    return times * (record.factor_of("time", unit, "s") if unit else 1.0), bool(unit), origin
 
 
 def _increasing(times: FloatArray) -> FloatArray:
@@ -226,9 +273,10 @@ def _increasing(times: FloatArray) -> FloatArray:
     if missing.size:
         hint = "Omit lines before the header with skip, and lines of text after the samples."
         raise InputError(Problem("time", f"has no number in sample {missing[0] + 1}", hint=hint))
-    # Equal intervals replace those that a file has rounded.
-    uniform = np.linspace(times[0], times[-1], times.size)
-    interval = (times[-1] - times[0]) / max(times.size - 1, 1)
+    # Equal intervals replace those that a file has rounded; the ends are rounded, too.
+    samples = np.arange(times.size)
+    interval = float(np.polyfit(samples, times - times[0], 1)[0]) if times.size > 1 else 0.0
+    uniform = times.mean() + interval * (samples - samples.mean())
     digit = _last_digit(times)
     error = float(np.abs(times - uniform).max())
     if 1e-6 * interval < error <= digit and digit > _COARSE * interval > 0.0:
@@ -259,50 +307,85 @@ def _last_digit(times: FloatArray) -> float:
     return 0.0
 
 
-def _uniform(
-    description: RecordFile, times: FloatArray, columns: dict[record.Label, FloatArray]
-) -> tuple[FloatArray, dict[record.Label, FloatArray]]:
-    """Return uniform times from 0 and the columns at them."""
-    for label, column in columns.items():
-        if column.size != times.size:
-            rule = f"have {times.size} samples as the time"
-            raise InputError(Problem(f"channels.{label.text}", rule, str(column.size)))
+def _part(description: RecordFile, times: FloatArray) -> slice:
+    """Return the samples between start and end; stamps outside may be wrong."""
     first = -np.inf if description.start is None else description.start
     last = np.inf if description.end is None else description.end
     steps = np.abs(np.diff(times[np.isfinite(times)]))
     margin = 1e-3 * float(np.median(steps)) if steps.size else 0.0  # of rounded times
-    # Stamps before the start and after the end may be wrong.
-    after = times >= first - margin
-    begin = int(np.argmax(after)) if description.start is not None and after.any() else 0
-    late = np.flatnonzero(times[begin:] > last + margin)
-    end = begin + int(late[0]) if late.size else times.size
-    inside = slice(begin, end)
-    times = _increasing(times[inside])
-    if times.size < record.FEWEST or (begin == 0 and not after[inside].all()):
-        rule = f"has fewer than {record.FEWEST} samples between start and end"
-        raise InputError(Problem("the record", rule))
-    typical = float(np.median(np.diff(times)))
+    # Without a start or an end, stamps that are no numbers are errors of the caller's part.
+    outside = (times < first - margin) | (times > last + margin)
+    outside |= np.isnan(times) & np.isfinite(last - first)
+    edges = np.concatenate([[-1], np.flatnonzero(outside), [times.size]])
+    longest = int(np.argmax(np.diff(edges)))
+    return slice(int(edges[longest]) + 1, int(edges[longest + 1]))
+
+
+def _uniform(
+    description: RecordFile, clock: FloatArray, samples: Mapping[record.Label, _Samples]
+) -> tuple[FloatArray, dict[record.Label, FloatArray]]:
+    """Return uniform times from 0, at the rate of the clock, and the columns at them."""
+    parts: dict[bytes, tuple[slice, FloatArray]] = {}  # of each file, by its times
+    for each in (clock, *(times for times, _ in samples.values())):
+        if each.tobytes() not in parts:
+            inside = _part(description, each)
+            increasing = _increasing(each[inside]) if inside.stop - inside.start > 1 else each[:0]
+            if increasing.size < record.FEWEST:
+                rule = f"has fewer than {record.FEWEST} samples between start and end"
+                raise InputError(Problem("the record", rule))
+            parts[each.tobytes()] = inside, increasing
+    times = parts[clock.tobytes()][1]
+    typical = _interval(times)
+    # Other files may begin later and end sooner.
+    begin, end = (
+        f(g(part[k] for _, part in parts.values()), times[k])
+        for f, g, k in ((max, max, 0), (min, min, -1))
+    )
+    begin = times[np.searchsorted(times, begin - 1e-6 * typical)] if begin <= end else end
     rate = description.rate or _rounded(1.0 / typical)
-    samples = (times[-1] - times[0]) * rate * (1 + 1e-9) + 1e-6 + 1.0
-    if not record.FEWEST <= samples <= MOST_SAMPLES:
+    count = (end - begin) * rate * (1 + 1e-9) + 1e-6 + 1.0
+    if not record.FEWEST <= count <= MOST_SAMPLES:
         rule = f"have {record.FEWEST} to {MOST_SAMPLES:.0e} samples"
-        raise InputError(Problem("the record", rule, f"{samples:.3g} at {rate:g} Hz"))
-    count = int(samples)
-    grid = times[0] + np.arange(count) / rate
+        hint = "Files of one record have times in common." if len(parts) > 1 else ""
+        raise InputError(Problem("the record", rule, f"{count:.3g} at {rate:g} Hz", hint))
+    grid = begin + np.arange(int(count)) / rate
     resampled = {}
-    for label, column in columns.items():
-        values = column[inside]
-        if rate * typical < 1.0 / _GAP:
-            # Content above 0.4 times the rate would be aliased.
-            good = np.isfinite(values)
-            uniform = np.linspace(times[0], times[-1], times.size)
-            filled = np.interp(uniform, times[good], values[good])
-            rate_of_record = (times.size - 1) / (times[-1] - times[0])
-            smooth = record.without_phase(filled, _ANTI_ALIAS * rate, rate_of_record, 4)
-            values = np.where(good, np.interp(times, uniform, smooth), np.nan)
-        gap = _GAP_OF_INPUT if label.channel in INPUTS else _GAP
-        resampled[label] = _interpolated(grid, times, values, typical, gap)
-    return grid - times[0], resampled
+    for label, (own, column) in samples.items():
+        inside, times = parts[own.tobytes()]
+        resampled[label] = _resampled(label, times, column[inside], grid, rate)
+    for text, masks in description.masks.items():
+        masked = [label for label in resampled if text in (label.channel, label.text)]
+        if not masked:
+            rule = f"names a channel that is not read ({', '.join(x.text for x in resampled)})"
+            raise InputError(Problem(f"masks: {text}", rule))
+        for label, (first, last) in product(masked, masks):
+            near = 1e-6 * typical
+            resampled[label][(grid >= first - near) & (grid <= last + near)] = np.nan
+    return grid - begin, resampled
+
+
+def _interval(times: FloatArray) -> float:
+    """Return the typical interval of increasing times, without their jitter and gaps."""
+    steps = np.diff(times)
+    counts = np.rint(steps / np.median(steps))
+    return float((times[-1] - times[0]) / max(counts.sum(), 1.0))
+
+
+def _resampled(
+    label: record.Label, times: FloatArray, values: FloatArray, grid: FloatArray, rate: float
+) -> FloatArray:
+    """Return the samples of a channel at the times of a grid."""
+    typical = _interval(times)
+    if rate * typical < 1.0 / _GAP:
+        # Content above 0.4 times the rate would be aliased.
+        good = np.isfinite(values)
+        uniform = np.linspace(times[0], times[-1], times.size)
+        filled = np.interp(uniform, times[good], values[good])
+        rate_of_record = (times.size - 1) / (times[-1] - times[0])
+        smooth = record.without_phase(filled, _ANTI_ALIAS * rate, rate_of_record, 4)
+        values = np.where(good, np.interp(times, uniform, smooth), np.nan)
+    gap = _GAP_OF_INPUT if label.channel in INPUTS else _GAP
+    return _interpolated(grid, times, values, typical, gap)
 
 
 def _rounded(rate: float) -> float:
@@ -331,8 +414,10 @@ def _interpolated(
     return result
 
 
-#: Columns (samples,) by name.
-_Table = dict[str, NDArray[np.float64]]
+#: Columns (samples,) by name, of numbers or of dates.
+_Table = dict[str, NDArray[Any]]
+#: Entry of a file of MATLAB with objects.
+_OPAQUE = "__function_workspace__"
 #: Cells of a line of units for a column without a unit.
 _UNITLESS = ("", "-", "1")
 #: Beginning of a date and time of ISO 8601.
@@ -344,8 +429,7 @@ def _read_table(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
     """Return the columns of a file of measurements.
 
     An array of several columns becomes ``name[0]``, ``name[1]``, ...; the fields of structures are
-    joined by dots. A column of times of ISO 8601 becomes seconds from its first one. ``skip`` is
-    the number of lines before the header of a text file.
+    joined by dots. ``skip`` is the number of lines before the header of a text file.
     """
     read = _READERS.get(path.suffix.lower())
     if read is None:
@@ -380,13 +464,17 @@ def _csv(path: Path, encoding: str = "utf-8", skip: int = 0) -> _Table:
     if [_has_number(line, mark, decimal) for line in lines[:3]] == [False, False, True]:
         units = [cell.strip('"[]() ') for cell in cells[1]]
         del lines[1]
+    named = not all(record.is_number(cell.replace(decimal, ".")) for cell in cells[0])
     frame = pd.read_csv(
         StringIO("\n".join(lines)),
         sep=mark or r"\s+",
+        header=0 if named else None,
         comment="#",
         skipinitialspace=True,
         decimal=decimal,
     )
+    if not named:
+        frame.columns = [f"column[{k}]" for k in frame.columns]
     if len(units) == len(frame.columns):
         frame.columns = [
             f"{name} [{unit}]" if unit not in _UNITLESS and not record.split_unit(name)[1] else name
@@ -411,11 +499,11 @@ def _header_line(lines: Sequence[str]) -> int:
     for k, line in enumerate(lines[:_PREAMBLE]):
         mark, decimal = _separators(lines[k:])
         width = len(line.split(mark))
-        below = lines[k + 1 : k + 3]
+        below = lines[k + 1 : k + 4]
         rows = [len(row.split(mark)) == width and _has_number(row, mark, decimal) for row in below]
         cells = [cell.strip(' "[]()') for cell in below[0].split(mark)] if below else []
-        units = rows == [False, True] and any(map(record.is_unit, cells))
-        if not _has_number(line, mark, decimal) and (rows[:1] == [True] or units):
+        units = rows[0:1] == [False] and any(map(record.is_unit, cells))
+        if not _has_number(line, mark, decimal) and rows and all(rows[units:] or [False]):
             return k
     return 0
 
@@ -467,15 +555,17 @@ def _of_frame(frame: Any) -> _Table:
     return table
 
 
-def _instants(column: Any) -> NDArray[np.float64] | None:
-    """Return dates and times of a column in seconds from the first one; None for other columns."""
+def _instants(column: Any) -> NDArray[Any] | None:
+    """Return the dates and times of a column in UTC; None for other columns."""
     import pandas as pd
 
     if column.dtype.kind != "M":
         if pd.api.types.is_numeric_dtype(column) or not _DATE.match(str(column.iloc[0])):
             return None
         column = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce")
-    return np.asarray((column - column.iloc[0]).dt.total_seconds(), dtype=np.float64)
+    zone = column.dt.tz
+    dates: NDArray[Any] = np.asarray(column if zone is None else column.dt.tz_convert(None))
+    return dates
 
 
 def _netcdf(path: Path) -> _Table:
@@ -525,6 +615,9 @@ def _mat(path: Path) -> _Table:
     from scipy.io import loadmat
 
     content = loadmat(path, simplify_cells=True)
+    if _OPAQUE in content:
+        text = f"{path.name} has objects that only MATLAB reads, such as timeseries"
+        warn_caller(f"{text}. Save arrays or structures with time instead.", FlexarmWarning)
     return _flat((name, value) for name, value in content.items() if not name.startswith("__"))
 
 
@@ -537,6 +630,10 @@ def _mat_73(path: Path) -> _Table:
                 continue
             if isinstance(item, h5py.Group):
                 yield from items(item, f"{before}{name}.")
+            elif item.dtype == h5py.ref_dtype:  # a field of a list of structures
+                for k, reference in enumerate(np.ravel(item)):
+                    inner = {name: file[reference]}
+                    yield from items(inner, f"{before.removesuffix('.')}[{k}].")
             elif item.dtype.kind in "iuf" and "MATLAB_empty" not in item.attrs:
                 yield f"{before}{name}", np.asarray(item).T  # MATLAB orders by columns
 
@@ -544,12 +641,16 @@ def _mat_73(path: Path) -> _Table:
         return _flat(items(file, ""))
 
 
-def _flat(items: Iterator[tuple[str, Any]]) -> _Table:
-    """Return the columns of arrays and nested structures."""
+def _flat(items: Iterator[tuple[str, Any]], samples: int = 0) -> _Table:
+    """Return the columns of arrays and nested structures, whose times have ``samples``."""
     table: _Table = {}
     for name, value in items:
         if isinstance(value, Mapping):
-            table |= _flat((f"{name}.{key}", inner) for key, inner in value.items())
+            count = np.size(value["time"]) if "time" in value else samples
+            table |= _flat(((f"{name}.{key}", inner) for key, inner in value.items()), count)
+            continue
+        if isinstance(value, list):  # of structures, such as the signals of a scope
+            table |= _flat(((f"{name}[{k}]", inner) for k, inner in enumerate(value)), samples)
             continue
         array = np.asarray(value)
         if array.dtype.kind not in "iuf" or array.ndim == 0 or array.size < 2:
@@ -560,7 +661,11 @@ def _flat(items: Iterator[tuple[str, Any]]) -> _Table:
         if array.ndim == 1:
             table[name] = array
         elif array.ndim == 2:
-            table |= {f"{name}[{k}]": column for k, column in enumerate(array.T)}
+            # Simulink has the samples of matrices along the last axis, and those of the block To
+            # File, with the times in the first row.
+            wide = array.shape[0] < array.shape[1]
+            wide = wide and (array.shape[1] == samples or bool(np.all(np.diff(array[0]) > 0.0)))
+            table |= {f"{name}[{k}]": column for k, column in enumerate(array if wide else array.T)}
     return table
 
 

@@ -30,12 +30,22 @@ from flexarm.simulation.run.channels import CHANNELS, Channel
 #: Inputs of the motors, which simulated results do not contain.
 CURRENT = Channel("current", ("joint",), "A", "current of the joint motors")
 VOLTAGE = Channel("voltage", ("joint",), "V", "voltage of the joint motors")
+#: Readings of inertial sensors and joint accelerations, which follow from a motion and its torques.
+INERTIAL = {
+    "joint_acceleration": Channel(
+        "joint_acceleration", ("joint",), "rad/s^2", "its second derivative"
+    ),
+    "acceleration": Channel("acceleration", ("sensor",), "m/s^2", "reading of the accelerometer"),
+    "angular_rate": Channel("angular_rate", ("sensor",), "rad/s", "reading of the gyroscope"),
+}
 #: Channels of records by name: those that instruments measure, without contacts, and these inputs.
 MEASURED: dict[str, Channel] = {
     name: CHANNELS[name] for name in CHANNEL_SIGNALS if "contact" not in CHANNELS[name].dims
-} | {"current": CURRENT, "voltage": VOLTAGE}
+} | {**INERTIAL, "current": CURRENT, "voltage": VOLTAGE}
 #: Signs in units, and what replaces them.
-_SIGNS = str.maketrans({"°": "deg", "·": " ", "⋅": " ", "µ": "u", "μ": "u"})
+_SIGNS = str.maketrans(
+    {"°": "deg", "·": " ", "⋅": " ", "*": " ", "µ": "u", "μ": "u", "ε": "strain", "²": "^2"}
+)
 _UNIT = re.compile(r"^(.*?)(\s*)[\[(]([^\])]*)[\])]$")
 
 
@@ -158,6 +168,8 @@ def place_of(arm: Arm, label: Label) -> int:
         return 0
     if dims == ("axis",):
         return ["x", "y"].index(str(label.part))
+    if dims == ("sensor",):
+        return int(label.part) - 1
     known = {
         "joint": arm.joint_numbers.tolist(),
         "link": list(range(1, arm.n_links + 1)),
@@ -277,7 +289,7 @@ class MeasuredRecord:
             ``simulate`` is accepted. The channel ``current`` (time, joint), A, is an input only.
         settings: a ``RecordSettings``, or keyword arguments with its fields: ``input``,
             ``interpolation``, ``prescribed``, ``prescribed_cutoff``, ``outputs``, ``noise``,
-            ``delays``, ``filters``, ``initial``, ``initial_angle``.
+            ``delays``, ``filters``, ``sensors``, ``initial``, ``initial_angle``.
         controller: drives the joints along ``reference`` instead of an input of the record.
         reference: motion for the controller.
         hardware: instruments and motors between controller and arm.
@@ -411,6 +423,18 @@ class MeasuredRecord:
                     rule = f"names a channel that is not in the record ({', '.join(present)})"
                     hint = nearest(name, present)
                     problems.append(Problem(f"{argument}: {name}", rule, hint=hint))
+        inertial = {name: columns_of(self.data, [name]) for name in INERTIAL if name in present}
+        if inertial and self.controller is not None:
+            rule = "is not supported with a controller"
+            hint = "Give the torque of the record as the input."
+            problems.append(Problem(next(iter(inertial)), rule, hint=hint))
+        for label in (item for columns in inertial.values() for item in columns):
+            if MEASURED[label.channel].dims == ("sensor",) and int(label.part) > len(
+                settings.sensors
+            ):
+                rule = f"is {label.text}, but the record has {len(settings.sensors)} sensors"
+                hint = "For example sensors=[fa.InertialSensor(link=1)]."
+                problems.append(Problem("data", rule, hint=hint))
         if self.input != "none" and self.input not in self.data:
             problems.append(Problem("input", f"is {self.input}, which is not in the record"))
             return problems
@@ -471,7 +495,7 @@ def treated(
 #: Settings that have no effect on a run with a controller.
 _OF_OPEN_LOOPS = ("input", "prescribed", "initial", "initial_angle")
 #: Channels of a prescribed joint, which agree by construction.
-_FOLLOWED = ("joint_angle", "joint_rate")
+_FOLLOWED = ("joint_angle", "joint_rate", "joint_acceleration")
 
 
 Records = (

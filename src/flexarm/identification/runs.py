@@ -20,6 +20,7 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.identification.record import (
+    INERTIAL,
     Label,
     MeasuredRecord,
     columns_of,
@@ -30,7 +31,9 @@ from flexarm.identification.record import (
 from flexarm.identification.space import Case, Space, leading_joints, start_angles
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium, modes
+from flexarm.model.arm.mechanism import place_faults
 from flexarm.simulation.batch.run import simulate_batch
+from flexarm.simulation.calls.inertial import inertial_channels
 from flexarm.simulation.calls.preparation import integrator_of
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.loads import PrescribedAngle
@@ -64,7 +67,11 @@ class RecordRun:
         self._places = [place_of(arm, label) for label in self.labels]
         constants = [path.simulated(np.ones((times.size, 1))) for path in self._paths]
         self._constant = np.concatenate(constants, axis=1)  # an offset of one as recorded
-        self.channels = list(dict.fromkeys(label.channel for label in self.labels))
+        compared = list(dict.fromkeys(label.channel for label in self.labels))
+        self._inertial = not INERTIAL.keys().isdisjoint(compared)
+        #: Channels of simulations that the outputs require.
+        self.channels = [name for name in compared if name not in INERTIAL]
+        self.channels += ["q", "qd"] * self._inertial
         #: Inputs (samples, joints), in their unit.
         self.samples = np.zeros((times.size, arm.n_joints))
         for label, column in record.inputs.items():
@@ -83,6 +90,9 @@ class RecordRun:
                 place_of(arm, label)
             except InputError as error:
                 problems += error.problems
+        for sensor in self.record.settings.sensors:
+            faults = place_faults(arm.spec.links, sensor.link, sensor.station)
+            problems += [fault.inside("sensors").problem() for fault in faults]
         windings = [joint.winding is not None for joint in arm.spec.joints if not joint.fixed]
         if self.record.input == "voltage" and not all(windings):
             problems.append(Problem("input", "is voltage, but not every joint has a winding"))
@@ -100,7 +110,7 @@ class RecordRun:
     def differentiable(self) -> bool:
         """Whether ``sensitivities`` supports the run, its start and its outputs."""
         settled = self.record.settings.initial == "equilibrium"
-        return not settled and "torque" not in self.channels
+        return not (settled or self._inertial or "torque" in self.channels)
 
     @property
     def proportional(self) -> bool:
@@ -118,10 +128,13 @@ class RecordRun:
         state = {"initial": q, "initial_rate": qd, "prescribed": self._prescribed or None}
         return common | state | {"torque": self._torque(case)}
 
-    def beginning(self, samples: int) -> RecordRun | None:
-        """Return the run of the first samples of the record; None if it has hardly more."""
-        record = self.record
-        if self.times.size < 2 * samples or record.controller is not None:
+    def beginning(self, most: int, least: int) -> RecordRun | None:
+        """Return the run of the first quarter of a record, of at most some samples.
+
+        None if it has fewer than ``least``, or the record has a controller.
+        """
+        record, samples = self.record, min(most, self.times.size // 4)
+        if samples < least or record.controller is not None:
             return None
         data = record.data.isel(time=slice(0, samples))
         return type(self)(
@@ -198,29 +211,33 @@ class RecordRun:
                 outputs[k] = str(error)
         if not runs:
             return outputs
-        arms, q, qd = zip(*runs.values(), strict=True)
+        torques = {k: self._torque(cases[k], drives[k] if drives else None) for k in runs}
+        common: dict[str, Any] = {"rate": self.record.rate, "prescribed": self._prescribed or None}
+        common |= {"progress": False, **self._options}
+        rows: list[tuple[str, dict[str, FloatArray]]] = []
         try:
-            batch = simulate_batch(
-                list(arms),
-                self.record.duration,
-                torque=[self._torque(cases[k], drives[k] if drives else None) for k in runs],
-                initial=np.array(q),
-                initial_rate=np.array(qd),
-                channels=self.channels,
-                rate=self.record.rate,
-                prescribed=self._prescribed or None,
-                progress=False,
-                **self._options,
-            )
+            if len(runs) == 1:  # without the seven empty lanes of a batch
+                ((k, (arm, q, qd)),) = runs.items()
+                state: dict[str, Any] = {"initial": q, "initial_rate": qd, "torque": torques[k]}
+                result = simulate(arm, self.record.duration, **state, **common)
+                rows = [("", {name: result[name].values for name in self.channels})]
+            else:
+                arms, *starts = zip(*runs.values(), strict=True)
+                state = dict(zip(("initial", "initial_rate"), map(np.array, starts), strict=True))
+                state |= {"torque": list(torques.values()), "channels": self.channels}
+                batch = simulate_batch(list(arms), self.record.duration, **state, **common)
+                values = {name: batch[name].values for name in self.channels}
+                for row, failure in enumerate(batch["failure"].values.tolist()):
+                    rows.append((failure, {name: value[row] for name, value in values.items()}))
         except SimulationError as error:
-            for k in runs:
-                outputs[k] = str(error)
-            return outputs
-        values = {name: batch[name].values for name in self.channels}
-        for row, k in enumerate(runs):
-            failure = str(batch["failure"].values[row])
-            rows = {name: value[row] for name, value in values.items()}
-            outputs[k] = failure or self._outputs(rows, cases[k])
+            rows = [(str(error), {})] * len(runs)
+        for (k, (arm, *_)), (failure, channels) in zip(runs.items(), rows, strict=True):
+            if self._inertial and not failure:
+                arguments = {**self.arguments(cases[k]), "torque": torques[k]}
+                motion = channels["q"], channels["qd"]
+                sensors = self.record.settings.sensors
+                channels |= inertial_channels(arm, sensors, *motion, **arguments)
+            outputs[k] = failure or self._outputs(channels, cases[k])
         return outputs
 
     def _outputs(self, channels: Mapping[str, FloatArray], case: Case) -> FloatArray:

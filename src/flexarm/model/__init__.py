@@ -41,6 +41,7 @@ from flexarm.model.file_format.files import save_arm_spec as save_arm_spec
 from flexarm.model.file_format.files import save_scenario as save_scenario
 from flexarm.model.file_format.files import scenario_of_text as scenario_of_text
 from flexarm.model.hardware import Hardware as Hardware
+from flexarm.model.hardware import InertialSensor as InertialSensor
 from flexarm.model.hardware import Instrument as Instrument
 from flexarm.model.hardware import InstrumentFault as InstrumentFault
 from flexarm.model.hardware import Motors as Motors

@@ -78,6 +78,21 @@ class Sensor(Record, kw_only=False):
         return _UNITS[POINT_SIGNALS.index(self.kind)]
 
 
+class InertialSensor(Record, kw_only=False):
+    """An accelerometer with one axis, or a gyroscope, whose readings a record contains.
+
+    It turns with the section of the link that carries it. An accelerometer reads the acceleration
+    minus gravity along its axis: at rest, with the axis upwards, +9.81 m/s^2.
+    """
+
+    link: Count
+    """Number of the link, counted from 1 at the base."""
+    station: NonNegative | None = None
+    """Distance from the root of the link (m); by default its tip. At the joint it is 0."""
+    angle: Number = 0.0
+    """Angle of the axis from the tangent of the link at the station, counterclockwise (rad)."""
+
+
 def frame_faults(given: Given, kind: str) -> Iterator[Fault]:
     """Yield a fault if the frame of a sensor is not that of its kind."""
     if given.has("frame") and given.frame == "link" and kind != "acceleration":

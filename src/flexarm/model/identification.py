@@ -13,7 +13,7 @@ from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
 from flexarm.model.file_format.files import _located
 from flexarm.model.file_format.yaml_text import Document
-from flexarm.model.hardware import Motors, Seed
+from flexarm.model.hardware import InertialSensor, Motors, Seed
 from flexarm.model.quantities import (
     Count,
     Flag,
@@ -23,6 +23,7 @@ from flexarm.model.quantities import (
     NonNegative,
     Number,
     OneOrMany,
+    Pair,
     Positive,
     Word,
     plain,
@@ -116,9 +117,11 @@ UNITS: dict[str, dict[str, float]] = {
         "rpm": 0.10471975511965977,
         "rev/s": 6.283185307179586,
     },
+    "rad/s^2": {"rad/s^2": 1.0, "deg/s^2": 0.017453292519943295},
+    "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3, "g": 9.80665, "mg": 9.80665e-3},
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
     "m/s": {"m/s": 1.0, "mm/s": 1e-3},
-    "N m": {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3},
+    "N m": {"N m": 1.0, "Nm": 1.0, "N.m": 1.0, "mN m": 1e-3, "mNm": 1e-3},
     "A": {"A": 1.0, "mA": 1e-3},
     "V": {"V": 1.0, "mV": 1e-3},
     "1": {"1": 1.0, "m/m": 1.0, "mm/m": 1e-3, "%": 1e-2, "um/m": 1e-6, "ustrain": 1e-6},
@@ -137,6 +140,10 @@ class Column(Record, kw_only=False):
     """Factor, applied before the unit."""
     offset: Number = 0.0
     """Constant added after the factor."""
+    file: Word | None = None
+    """Another file that contains the column, with its own times; relative as that of the record."""
+    shift: Number = 0.0
+    """Time that is added to those of the column (s): the clocks of two files may differ."""
 
 
 #: A list of filters, or a single one.
@@ -169,6 +176,9 @@ class RecordSettings(Record):
     """Delay by channel (s): from a command to its torque, or from a motion to its reading."""
     filters: Mapped[Filters] = Field(default={}, validate_default=True)
     """Filters by channel, in their order."""
+    sensors: Listed[InertialSensor] = ()
+    """Accelerometers and gyroscopes: acceleration_1 and angular_rate_1 are readings of the first. A
+    torque that jumps at a sample acts on them after it."""
     initial: Literal["rest", "equilibrium", "estimate"] = "rest"
     """Initial state: straight links at rest, the equilibrium with locked joints, or estimated from
     the record."""
@@ -202,6 +212,9 @@ class RecordFile(RecordSettings):
     """Time of the file at which the record starts (s)."""
     end: Number | None = None
     """Time of the file at which the record ends (s)."""
+    masks: Mapped[Listed[Pair]] = Field(default={}, validate_default=True)
+    """Parts to leave out by channel: pairs of times of the file (s), such as strain_1: [[1.2,
+    1.5]]."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -209,6 +222,11 @@ class RecordFile(RecordSettings):
             yield Fault(("sample_time",), "cannot be combined with time")
         if not given.absent("time_unit") and not given.absent("sample_time"):
             yield Fault(("time_unit",), "cannot be combined with sample_time, which is in seconds")
+        for name, parts in given.masks.items() if given.has("masks") else ():
+            for k, (first, last) in enumerate(parts):
+                if last <= first:
+                    rule = f"end after its start ({first:g})"
+                    yield Fault(("masks", name, k), rule, shown(last))
         if given.has("start", "end") and given.end <= given.start:
             rule = f"be greater than start ({given.start:g})"
             yield Fault(("end",), rule, shown(given.end))

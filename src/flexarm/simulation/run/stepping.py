@@ -176,6 +176,17 @@ class Run:
             tolerance = self.tolerance
             self.watch = replace(self.watch, integrator=self.integrator, tolerance=tolerance)
 
+    def accelerations(self, given: FloatArray) -> FloatArray:
+        """Compute the accelerations (T, n, 1 + m) at the samples; ``given`` as in `reactions`."""
+        times, states, n = self.sample_times, self.samples, self.arm.assembly.bodies
+        accelerations = np.zeros((len(times), *states.shape[2:]))
+        shapes = (n, 3), (n, 3), (n,), (self.arm.closure_rows + 1,)
+        others = (np.zeros((len(times), *shape)) for shape in shapes)
+        system = self.system(PiecewiseCubic.constant(np.zeros(self.arm.n_joints)))
+        torques = self.arm.padded_torque(given)
+        reactions_many(system, times, states, torques, accelerations, *others)
+        return accelerations
+
     def reactions(
         self, times: FloatArray, angle: FloatArray, given: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
