@@ -39,7 +39,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         *("write_result", "read_result", "citation"),
     ),
     "identification": (
-        *("read_record", "MeasuredRecord", "Filter"),
+        *("read_record", "MeasuredRecord", "Filter", "InertialSensor"),
         *("identify", "commission", "FreeParameter", "Identification"),
         *("identifiability", "Identifiability", "optimal_excitation", "OptimalExcitation"),
         *("multisine", "Multisine"),

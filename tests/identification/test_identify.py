@@ -96,6 +96,7 @@ def test_a_fit_that_has_not_converged_says_so():
     assert "The fit has not converged." in str(fit)
 
 
+@pytest.mark.filterwarnings("ignore::flexarm.IdentifiabilityWarning")
 def test_iterations_limit_all_rounds_together(monkeypatch):
     """The noise is estimated anew in up to six rounds, each of which is a fit of its own."""
     from flexarm.identification.fitting import FitProblem

@@ -157,6 +157,6 @@ def test_sensors_that_do_not_exist_are_named(tmp_path):
     record = fa.MeasuredRecord(data, sensors=far)
     with pytest.raises(fa.InputError, match=r"sensors\.link must be the number of a link"):
         fa.identify(arm_of(), record, [])
-    controller = fa.JointPD(stiffness=[1.0], damping=[1.0], sample_time=0.01)
+    controller = fa.JointPD([1.0], [1.0], sample_time=0.01)
     with pytest.raises(fa.InputError, match="acceleration is not supported with a controller"):
         fa.MeasuredRecord(data, controller=controller, sensors=far)

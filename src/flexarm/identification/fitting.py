@@ -306,9 +306,6 @@ def _minimum(
     # The method takes the size of the start for that of its first step.
     shift = _FIRST - scaled
 
-    def residuals(place: FloatArray) -> FloatArray:
-        return problem.residuals(place - shift)
-
     def jacobian(place: FloatArray) -> FloatArray:
         rows = problem.jacobian(place - shift)
         accepted.append(place - shift)
@@ -319,7 +316,7 @@ def _minimum(
         room = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
         margin = 1e-6 * np.minimum(room, 1.0)
         solution = least_squares(
-            residuals,
+            lambda place: problem.residuals(place - shift),
             np.clip(scaled, lower + margin, upper - margin) + shift,
             jac=jacobian,
             bounds=(lower + shift, upper + shift),
