@@ -190,6 +190,7 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "Reduction": {"kind": "peak", "channel": "tip"},
     "RunSettings": {"rtol": 1e-8},
     "RoundWall": {"center": [0.0, 0.0], "radius": 3.0},
+    "InertialSensor": {"link": 1, "station": 0.2},
     "Sensor": {"kind": "acceleration", "link": 1},
     "SurfaceTable": {"x": [-3.0, 0.0, 3.0], "y": [-3.0, -3.1, -3.0]},
     "Wall": {"point": [0.0, -3.0], "normal": [0.0, 1.0]},
