@@ -520,6 +520,24 @@ def test_dates_of_several_files_have_one_origin(tmp_path):
     assert torque[0] == pytest.approx(0.1)
 
 
+def test_masked_samples_do_not_reach_their_neighbours(tmp_path):
+    """Nor the check of units: 9999 is no strain."""
+    t = np.arange(2001) / 1000.0
+    strain = 1e-4 * np.sin(2.0 * np.pi * t)
+    lost = (t >= 0.8) & (t <= 1.0)
+    table = np.column_stack([t, np.where(lost, 9999.0, strain)])
+    path = tmp_path / "record.csv"
+    np.savetxt(path, table, delimiter=",", header="time,strain_1", comments="")
+    record = fa.read_record(path, rate=100.0, masks={"strain_1": [(0.8, 1.0)]}).data
+    read, times = record["strain"].values[:, 0], record["time"].values
+    outside = (times < 0.799) | (times > 1.001)
+    # The filter before the samples are thinned sees a straight line in the gap.
+    np.testing.assert_allclose(
+        read[outside], 1e-4 * np.sin(2.0 * np.pi * times[outside]), atol=2e-6
+    )
+    assert np.isnan(read[~outside]).all()
+
+
 def test_masks_leave_out_parts_of_channels(tmp_path):
     path = tmp_path / "bench.csv"
     pd.DataFrame({"t": TIMES, "tip_x": TIMES, "tip_y": TIMES}).to_csv(path, index=False)
@@ -530,6 +548,8 @@ def test_masks_leave_out_parts_of_channels(tmp_path):
     assert not missing[:, 1].any()
     with pytest.raises(fa.InputError, match=r"masks: tip names a channel that is not read"):
         fa.read_record(path, {"joint_angle_1": "tip_x"}, masks={"tip": [(0.2, 0.25)]})
+    with pytest.raises(fa.InputError, match=r"masks: tip_x must be within the record"):
+        fa.read_record(path, masks={"tip_x": [(200.0, 250.0)]})  # milliseconds
     with pytest.raises(fa.InputError, match=r"masks.tip_x\[0\] must end after its start"):
         fa.read_record(path, masks={"tip_x": [(0.3, 0.2)]})
 

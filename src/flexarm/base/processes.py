@@ -49,7 +49,7 @@ def single_threaded_algebra() -> AbstractContextManager[Any]:
 
 @cache
 def _thread_pools() -> Any:
-    """Return the pools of threads of this process; None in a browser, which has none."""
+    """Return the pools of threads of this process; None without the library, as in a browser."""
     try:
         from threadpoolctl import ThreadpoolController
     except ImportError:

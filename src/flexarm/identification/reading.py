@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import product
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import (
@@ -186,6 +186,10 @@ def _columns(
             si = record.MEASURED[label.channel].unit
             factor = record.factor_of(place, unit, si) if unit else 1.0
             values = column.gain * source.table[header].astype(np.float64) + column.offset
+            own = source.times + column.shift
+            if values.size == own.size:
+                for masked in _masks_of(description, label):
+                    values[_within(own, masked, _interval(own))] = np.nan
             if not unit:
                 _check_size(place, label, values)
         except InputError as error:
@@ -196,7 +200,7 @@ def _columns(
         if values.size != source.times.size:
             rule = f"have {source.times.size} samples as the time"
             problems.append(Problem(place, rule, str(values.size)))
-        columns[label] = _Samples(source.times + column.shift, factor * values)
+        columns[label] = _Samples(own, factor * values)
     if problems:
         raise InputError(*problems)
     return columns
@@ -349,14 +353,29 @@ def _uniform(
         inside, times = parts[own.tobytes()]
         resampled[label] = _resampled(label, times, column[inside], grid, rate)
     for text, masks in description.masks.items():
-        masked = [label for label in resampled if text in (label.channel, label.text)]
-        if not masked:
+        if not any(text in (label.channel, label.text) for label in resampled):
             rule = f"names a channel that is not read ({', '.join(x.text for x in resampled)})"
             raise InputError(Problem(f"masks: {text}", rule))
-        for label, (first, last) in product(masked, masks):
-            near = 1e-6 * typical
-            resampled[label][(grid >= first - near) & (grid <= last + near)] = np.nan
+        for masked in masks:
+            if not _within(grid, masked, typical).any():
+                rule = f"be within the record, {grid[0]:.6g} to {grid[-1]:.6g} s"
+                raise InputError(Problem(f"masks: {text}", rule, str(tuple(masked))))
+    for label, masked in ((x, masked) for x in resampled for masked in _masks_of(description, x)):
+        resampled[label][_within(grid, masked, typical)] = np.nan
     return grid - begin, resampled
+
+
+def _masks_of(description: RecordFile, label: record.Label) -> list[Sequence[float]]:
+    """Return the times (s) between which a channel is left out."""
+    names = label.channel, label.text
+    return [masked for name in names for masked in description.masks.get(name, ())]
+
+
+def _within(times: FloatArray, masked: Sequence[float], typical: float) -> NDArray[np.bool_]:
+    """Return which times are in a mask, whose ends belong to it in spite of rounding."""
+    first, last = masked
+    inside = (times >= first - 1e-6 * typical) & (times <= last + 1e-6 * typical)
+    return np.asarray(inside)
 
 
 def _interval(times: FloatArray) -> float:

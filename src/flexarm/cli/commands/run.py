@@ -75,7 +75,7 @@ def run(
             _save_beginning(error.result, out)
         raise
     silent = json or quiet
-    errors = {} if quiet else _errors(result, prepared)
+    errors = {} if quiet and not json else _errors(result, prepared)
     if not silent:
         console().print(facts(_summary(result, errors)))
     for text in warnings_of(result):
