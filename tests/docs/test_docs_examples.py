@@ -170,7 +170,9 @@ def run_command(block: Block, line: str) -> str:
     printed = done.output
     # With an empty cache the first run prints that it compiles; no page shows that.
     # Lines of progress appear if the machine is slow.
-    printed = re.sub(r"^(flexarm: compiling|(simulating|designing): ).*\n", "", printed, flags=re.MULTILINE)
+    printed = re.sub(
+        r"^(flexarm: compiling|(simulating|designing): ).*\n", "", printed, flags=re.MULTILINE
+    )
     expected = int(block.option("exit", "0"))
     assert done.exit_code == expected, f"{block}: {line}\nexit {done.exit_code}\n{printed}"
     return printed

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 import flexarm as fa
 from arms import chain, unit_link
 from controllers import Plain
+from flexarm.base.processes import single_threaded_algebra
 from oracles.rigid_double_pendulum import RigidDoublePendulum
 
 LENGTH, MASS = (0.8, 0.6), (0.9, 0.5)
@@ -195,22 +196,40 @@ def test_unstable_loop_is_reported_with_its_partial_result():
     assert np.all(np.isfinite(error.state[0]))
 
 
+def threads_of_algebra():
+    """The numbers of threads of the libraries of linear algebra in this process."""
+    pools = threadpoolctl.ThreadpoolController().select(user_api="blas").info()
+    if not pools:
+        pytest.skip("this library of linear algebra cannot be asked for its threads")
+    return {pool["num_threads"] for pool in pools}
+
+
 @pytest.mark.parametrize("clock", [None, False])
 def test_matrix_products_of_controllers_use_one_thread(clock):
     """``clock``: of ``realtime``, None for ``simulate``."""
-    pools = threadpoolctl.ThreadpoolController()
-    during = []
+    during = set()
 
     def torque(t, measurement, reference):
-        during.extend(pool["num_threads"] for pool in pools.info())
+        during.update(threads_of_algebra())
         return [0.0]
 
     arm, law = unit_link(), Plain(torque)
-    with pools.limit(limits=2, user_api="blas"):
+    with threadpoolctl.threadpool_limits(2, "blas"):
         if clock is None:
             fa.simulate(arm, 0.03, controller=law)
         else:
             fa.realtime(fa.Plant(arm, sample_time=0.01), law, 0.03, clock=clock)
-        after = [pool["num_threads"] for pool in pools.info()]
-    assert set(during) == {1}
-    assert set(after) == {2}
+        assert threads_of_algebra() == {2}
+    assert during == {1}
+
+
+def test_overlapping_loops_restore_the_number_of_threads():
+    """As those of two threads of a program, of which the first ends before the second."""
+    with threadpoolctl.threadpool_limits(2, "blas"):
+        first, second = single_threaded_algebra(), single_threaded_algebra()
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert threads_of_algebra() == {1}
+        second.__exit__(None, None, None)
+        assert threads_of_algebra() == {2}

@@ -7,7 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -37,14 +37,33 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-def single_threaded_algebra() -> AbstractContextManager[Any]:
-    """Return a context in which matrix products and factors of NumPy and SciPy use one thread.
+#: Limits of the threads of algebra in use: one, and the number of contexts that share it.
+_limits: list[Any] = []
+_users = 0
+_lock = threading.Lock()
+
+
+@contextmanager
+def single_threaded_algebra() -> Iterator[None]:
+    """Let matrix products and factors of NumPy and SciPy use one thread in this process.
 
     The matrices of controllers are small: several threads take up to 40 times as long where other
     programs keep the cores busy, and the last bits of results would depend on their number.
+    Contexts of several threads may overlap: the last one that ends restores the number.
     """
+    global _users
     pools = _thread_pools()
-    return nullcontext() if pools is None else pools.limit(limits=1, user_api="blas")
+    with _lock:
+        _users += 1
+        if _users == 1 and pools is not None:
+            _limits.append(pools.limit(limits=1, user_api="blas"))
+    try:
+        yield
+    finally:
+        with _lock:
+            _users -= 1
+            if _users == 0 and _limits:
+                _limits.pop().restore_original_limits()
 
 
 @cache

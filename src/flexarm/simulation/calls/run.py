@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
 
 import numpy as np
 
@@ -53,6 +53,9 @@ from flexarm.simulation.run.work import is_cheap
 
 if TYPE_CHECKING:
     import xarray as xr
+
+#: The result and the warnings of a run.
+_Outcome: TypeAlias = "tuple[xr.Dataset, Notices]"
 
 
 def _keep_result(failed: FunctionError, again: Callable[[], xr.Dataset]) -> None:
@@ -205,11 +208,10 @@ def _warned(situation: Situation) -> xr.Dataset:
     warn_of(implausible_run(arm, situation.duration, situation.settings.rate, *driven))
     accuracy, doubt = situation.settings.accuracy, ""
     with Meter("simulating", situation.settings.progress) as meter:
-        verified = None if accuracy is None else _verified_coarse(meter, situation, accuracy)
-        result, notices = verified or _executed(meter, situation)
-        if verified is None and accuracy is not None:
-            again = partial(_executed_again, meter, situation)
-            result, doubt = with_error(result, accuracy, again)
+        if accuracy is None:
+            result, notices = _executed(meter, situation)
+        else:
+            (result, notices), doubt = _verified(meter, situation, accuracy)
     if doubt:
         notices = [*notices, (doubt, AccuracyWarning)]
         result.attrs["warning"] = " ".join(text for text, _ in notices)
@@ -220,7 +222,7 @@ def _warned(situation: Situation) -> xr.Dataset:
     return result
 
 
-def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
+def _executed(meter: Meter, situation: Situation) -> _Outcome:
     """Execute a run; return its result and its warnings."""
     run = situation.new_run(meter)
     controller = situation.controller
@@ -236,45 +238,56 @@ def _executed(meter: Meter, situation: Situation) -> tuple[xr.Dataset, Notices]:
     return _closed_loop(run, loop, partial(stability, analysed, {})), run.notices
 
 
-def _verified_coarse(
-    meter: Meter, situation: Situation, accuracy: float
-) -> tuple[xr.Dataset, Notices] | None:
-    """Return a run of order 5 at large tolerances that a second run verifies; None if none does.
+def _verified(meter: Meter, situation: Situation, accuracy: float) -> tuple[_Outcome, str]:
+    """Execute a run with an accuracy that a second run verifies; return it and a warning.
 
-    Errors of its steps add where vibrations last, and the second run shows it.
+    A smooth arm begins with order 5 and large tolerances: errors of its steps add where vibrations
+    last, and the second run shows it. The attribute ``evaluations`` is that of all runs.
     """
-    arm = situation.simulated
-    request = accuracy / reach_of(arm)
-    rough = situation.controller or situation.contacts or situation.changes or situation.events
-    automatic = situation.settings.integrator == "auto"
-    if rough or not automatic or request < _LEAST_COARSE or not _is_smooth(arm):
-        return None
-    notices: list[Notices] = []
-
-    def varied(accuracy: float) -> Situation:
-        rtol = min(_COARSE * accuracy / reach_of(arm), _LARGEST)
-        method = {"integrator": KennedyCarpenter5.name, "rtol": rtol, "accuracy": None}
-        return replace(situation, settings=replaced(situation.settings, **method))
-
-    def executed(accuracy: float) -> xr.Dataset | None:
+    spent, large = 0, partial(_large_tolerances, situation)
+    if _is_coarse(meter, situation, accuracy):
+        again = partial(_executed_again, meter, situation, large)
         try:
-            result, own = _executed(meter, varied(accuracy))
-        except SimulationError:
-            return None
-        notices.append(own)
-        return result
+            first = _executed(meter, replace(situation, settings=large(accuracy)))
+        except SimulationError as error:
+            spent = error.result.attrs["evaluations"] if error.result is not None else 0
+        else:
+            outcome, doubt = with_error(first, accuracy, again)
+            if not doubt:
+                reason = "order 5 with bending implicit: a second run shows that it is accurate"
+                outcome[0].attrs["integrator_reason"] = reason
+                return outcome, ""
+            spent = outcome[0].attrs["evaluations"]
+    again = partial(_executed_again, meter, situation, partial(_with_accuracy, situation))
+    outcome, doubt = with_error(_executed(meter, situation), accuracy, again)
+    outcome[0].attrs["evaluations"] += spent
+    return outcome, doubt
 
-    trial = varied(accuracy)
-    run = trial.new_run(meter)
-    if not is_cheap(run, trial.history_of(run)(run.tolerance.relative)):
-        return None
-    first = executed(accuracy)
-    if first is None:
-        return None
-    result, doubt = with_error(first, accuracy, executed)
-    reason = "order 5 with bending implicit: a second run shows that it reaches the accuracy"
-    own = notices[0 if result.attrs["rtol"] == first.attrs["rtol"] else -1]
-    return None if doubt else (result.assign_attrs(integrator_reason=reason), own)
+
+def _is_coarse(meter: Meter, situation: Situation, accuracy: float) -> bool:
+    """Return whether a run with an accuracy begins with large tolerances."""
+    sudden = situation.contacts or situation.changes or situation.events
+    if sudden or situation.controller is not None or situation.settings.integrator != "auto":
+        return False
+    arm = situation.simulated
+    if accuracy < _LEAST_COARSE * reach_of(arm) or not _is_smooth(arm):
+        return False
+    trial = replace(situation, settings=_large_tolerances(situation, accuracy))
+    with warnings.catch_warnings():  # the run itself repeats them
+        warnings.simplefilter("ignore")
+        run = trial.new_run(meter)
+        return is_cheap(run, trial.history_of(run)(run.tolerance.relative))
+
+
+def _large_tolerances(situation: Situation, accuracy: float) -> RunSettings:
+    """Return settings of order 5 for an accuracy that a second run verifies."""
+    rtol = min(_COARSE * accuracy / reach_of(situation.simulated), _LARGEST)
+    method = {"integrator": KennedyCarpenter5.name, "rtol": rtol, "accuracy": None}
+    return replaced(situation.settings, **method)
+
+
+def _with_accuracy(situation: Situation, accuracy: float) -> RunSettings:
+    return replaced(situation.settings, accuracy=accuracy)
 
 
 @once_per_arm
@@ -285,17 +298,22 @@ def _is_smooth(arm: Arm) -> bool:
     return bool(arm.assembly.constants.w2.any()) and not joints and not arm.closure_rows
 
 
-def _executed_again(meter: Meter, situation: Situation, accuracy: float) -> xr.Dataset | None:
+def _executed_again(
+    meter: Meter,
+    situation: Situation,
+    settings_of: Callable[[float], RunSettings],
+    accuracy: float,
+) -> _Outcome | None:
     """Execute a run with another accuracy, without warnings; return None if that fails."""
     try:
         varied = replace(
             situation,
-            settings=replaced(situation.settings, accuracy=accuracy),
+            settings=settings_of(accuracy),
             controller=copy.deepcopy(situation.controller),  # the user's one keeps its state
         )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return _executed(meter, varied)[0]
+            return _executed(meter, varied)
     except (FlexarmError, TypeError):
         return None
 
@@ -410,48 +428,52 @@ _MOST_RUNS, _AIM, _LEAST_ACCURACY = 4, 0.3, 1e-3
 
 
 def with_error(
-    result: xr.Dataset, accuracy: float, executed: Callable[[float], xr.Dataset | None]
-) -> tuple[xr.Dataset, str]:
-    """Return the result of a run with its attribute ``integration_error`` (m), and a warning.
+    outcome: _Outcome, accuracy: float, executed: Callable[[float], _Outcome | None]
+) -> tuple[_Outcome, str]:
+    """Return a run whose result has the attribute ``integration_error`` (m), and a warning.
 
     If the error exceeds the accuracy, the run is repeated with a smaller one. The warning is empty
     if a run reaches the accuracy. ``evaluations`` and ``wall_seconds`` are those of all runs.
     """
     used, looser = accuracy, executed(_LOOSER * accuracy)
-    runs = [result] if looser is None else [looser, result]
-    error = _error_between(result, looser, _LOOSER)
+    runs = [outcome] if looser is None else [looser, outcome]
+    error = _error_between(outcome, looser, _LOOSER)
     if error == 0.0:  # the steps are those of the samples of a loop, or of the largest tolerance
         finer = executed(accuracy / _FINER)
         if finer is not None:
             runs, used = [*runs, finer], accuracy / _FINER
-            error = _error_between(finer, result, _FINER)
+            error = _error_between(finer, outcome, _FINER)
     for _ in range(_MOST_RUNS - 2):
         if not error > accuracy:
             break
         ratio = 1.0 / max(_AIM * accuracy / error, _LEAST_ACCURACY)
         finer = executed(used / ratio)
-        if finer is None or finer.attrs["rtol"] == runs[-1].attrs["rtol"]:
+        if finer is None or finer[0].attrs["rtol"] == runs[-1][0].attrs["rtol"]:
             break
         error = _error_between(finer, runs[-1], ratio)
         runs, used = [*runs, finer], used / ratio
-    work = {name: sum(run.attrs[name] for run in runs) for name in ("evaluations", "wall_seconds")}
-    result = runs[-1].assign_attrs(accuracy=accuracy, integration_error=error, **work)
+    names = "evaluations", "wall_seconds"
+    work = {name: sum(result.attrs[name] for result, _ in runs) for name in names}
+    result, notices = runs[-1]
+    result = result.assign_attrs(accuracy=accuracy, integration_error=error, **work)
     if error <= accuracy:
-        return result, ""
+        return (result, notices), ""
     if math.isnan(error):
         text = "no other run can be compared with this one, so the integration error is unknown"
     else:
         text = f"errors grow in this motion: that of the tip is about {error:.1g} m"
-    return result, f"{text}. Do not rely on an accuracy of {accuracy:.2g} m."
+    return (result, notices), f"{text}. Do not rely on an accuracy of {accuracy:.2g} m."
 
 
-def _error_between(result: xr.Dataset, other: xr.Dataset | None, ratio: float) -> float:
+def _error_between(outcome: _Outcome, other: _Outcome | None, ratio: float) -> float:
     """Return the estimated error (m) of the tip in a result; NaN without another one."""
     if other is None:
         return math.nan
-    if result.attrs["rtol"] == other.attrs["rtol"] <= LEAST:  # rounding errors of both are equal
+    results = outcome[0], other[0]
+    finer, coarser = (result.attrs["rtol"] for result in results)
+    if finer == coarser <= LEAST:  # rounding errors of both are equal
         return math.nan
-    count = min(result.sizes["time"], other.sizes["time"])
-    tips = (dataset.tip.values[:count, :2] for dataset in (result, other))
+    count = min(result.sizes["time"] for result in results)
+    tips = (result.tip.values[:count, :2] for result in results)
     apart = float(np.abs(np.subtract(*tips)).max(initial=0.0))
     return apart * share_of_finer(ratio)
