@@ -1,6 +1,7 @@
 """Table "requested" of accuracy.md: cost and error of runs with a requested accuracy.
 
-The arms are those of ``tests/accuracy_runs.py``, of one to three links. The cost is the number of
+The arms are those of ``tests/accuracy_runs.py``, of one to three links, and the smooth ones of
+``measure_default_step``, many of which turn and whirl fast. The cost is the number of
 evaluations of all runs of a call, over that of a call whose runs have the tolerances of a run
 without verification.
 
@@ -10,6 +11,7 @@ without verification.
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from unittest import mock
@@ -17,29 +19,41 @@ from unittest import mock
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from measure_default_step import cases
 
 import flexarm as fa
 import flexarm.simulation.calls.run as calls
 from accuracy_runs import QUIET, random_arm
 
-ARMS, PARTS = 30, (1e-3, 1e-4, 1e-5, 1e-6)
+ARMS, WHIRLING, PARTS = 30, 60, (1e-3, 1e-4, 1e-5, 1e-6)
+#: Duration (s) of the runs of each kind of arm.
+KINDS = {"damping ratio 2 %": 1.0, "no damping": 1.0, "whirling": 0.5}
+Drawn = tuple[fa.Arm, dict[str, object]]
 
 
-def arms(damped: bool, count: int) -> Iterator[tuple[fa.Arm, object]]:
-    """Yield arms with their torques, with a damping ratio of 2 % or none."""
+def arms(kind: str, count: int) -> Iterator[Drawn]:
+    """Yield arms of a kind, and the arguments of their runs."""
+    if kind == "whirling":
+        smooth = (case for case in cases(count) if calls._is_smooth(case.arm))
+        yield from ((case.arm, case.settings | {"duration": KINDS[kind]}) for case in smooth)
+        return
     for seed in range(count):
         arm, torque = random_arm(seed)
-        if not damped:
+        if kind == "no damping":
             links = [link.replace(damping=None) for link in arm.spec.links]
             arm = fa.Arm(links=links, joints=arm.spec.joints)
-        yield arm, torque
+        yield arm, {"torque": torque, "duration": KINDS[kind]}
 
 
-def measure(arm: fa.Arm, torque: object, parts: tuple[float, ...] = PARTS) -> np.ndarray:
+def measure(arm: fa.Arm, parts: tuple[float, ...] = PARTS, **arguments: object) -> np.ndarray:
     """Return cost, error over accuracy, and error over its estimate, (parts, 3)."""
 
     def run(**how: float) -> object:
-        return fa.simulate(arm, 1.0, torque=torque, **how, **QUIET)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", fa.FlexarmWarning)  # arms that bend far
+            return fa.simulate(arm, **arguments, **how, **QUIET)
 
     exact, reach, rows = run(rtol=1e-11), float(arm.lengths.sum()), []
     for part in parts:
@@ -55,13 +69,13 @@ def measure(arm: fa.Arm, torque: object, parts: tuple[float, ...] = PARTS) -> np
 def table(count: int) -> str:
     lines = ["| arms | accuracy over reach | cost | error over accuracy | error over estimate |"]
     lines.append("| --- | --- | --- | --- | --- |")
-    for damped in (True, False):
-        rows = np.stack([measure(arm, torque) for arm, torque in arms(damped, count)])
+    for kind in KINDS:
+        drawn = arms(kind, count * WHIRLING // ARMS if kind == "whirling" else count)
+        rows = np.stack([measure(arm, **arguments) for arm, arguments in drawn])
         for part, values in zip(PARTS, np.moveaxis(rows, 1, 0), strict=True):
             middle, most = np.median(values, axis=0), values.max(axis=0)
             cells = [f"{a:.2f}, {b:.2f}" for a, b in zip(middle, most, strict=True)]
-            name = "damping ratio 2 %" if damped else "no damping"
-            lines.append(f"| {name} | {part:.0e} | {' | '.join(cells)} |")
+            lines.append(f"| {kind} ({len(rows)}) | {part:.0e} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 

@@ -61,7 +61,7 @@ from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
 from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
 from flexarm.simulation.run.validity import axial_load
-from flexarm.simulation.run.work import PULSE, Start, choose_by_work, rests
+from flexarm.simulation.run.work import Start, choose_by_work
 
 #: Attempted steps of a run in a lane. Longer runs are executed one at a time, where Ctrl-C and
 #: steps that become ever shorter are noticed.
@@ -374,8 +374,7 @@ class OpenLanes(Lanes):
         touch = max(tolerance.fastest, run.touch)
         tolerance = self._tolerance_of(run.arm)._replace(fastest=touch)
         system = partial(system_of, run.arm, (), run.loads, run.drive)
-        pulse = rests(run.drive, run.loads, self._shared.duration, PULSE)
-        start = Start(run.arm, run.state, tolerance, self._shared.duration, system, pulse)
+        start = Start(run.arm, run.state, tolerance, self._shared.duration, system)
         return choose_by_work(choice, start)
 
     def _carry(self, group: Group, looser: float = 1.0) -> None:

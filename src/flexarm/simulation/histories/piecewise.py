@@ -24,6 +24,9 @@ _SHARE, _LEAST = 1e-2, 1e-12
 _MOST_PIECES = 50_000
 #: Initial number of pieces of a function of time.
 _FIRST_PIECES = 64
+#: Slope over the largest one below which a function rests; share of the time in which one acts that
+#: rests otherwise; times at which steps end then; and the shortest piece that is no jump, relative.
+_STILL, _PULSE, _STOPS, _JUMP = 0.05, 0.1, 9, 1e-9
 #: Types of rows that can be checked together.
 _PLAIN = {tuple, list, np.ndarray}
 #: Maximum number of instants of the comparison, so that it takes a fraction of a second.
@@ -90,6 +93,7 @@ def function_history(
     jump = np.abs(value - right[:, 0]) > 100.0 * follower.allowed
     bend = np.abs(slope - right[:, 1]) * narrower > 1000.0 * follower.allowed
     stops = np.unique(np.concatenate([known, stops, times[1:-1][np.any(jump | bend, axis=1)]]))
+    stops = np.union1d(stops, pulses(times, pieces))
     inner = stops[(stops > 0.0) & (stops < duration)]
     points = starts[:, None] + np.diff(times)[:, None] * follower.points
     gap = float(np.max(np.diff(np.union1d(points, instants))))
@@ -321,7 +325,8 @@ def _spline(times: FloatArray, samples: FloatArray, parted: NDArray[np.intp]) ->
     kinks = np.union1d(find_kinks(samples), parted)
     kinks = kinks[(kinks > 0) & (kinks < len(times) - 1)]
     edges = [0, *kinks.tolist(), len(times) - 1]
-    return PiecewiseCubic(times, _cubics(times, samples, edges), times[kinks])
+    cubics = _cubics(times, samples, edges)
+    return PiecewiseCubic(times, cubics, np.union1d(times[kinks], pulses(times, cubics)))
 
 
 def _cubics(times: FloatArray, samples: FloatArray, edges: Sequence[int]) -> FloatArray:
@@ -384,6 +389,25 @@ def find_kinks(samples: FloatArray) -> NDArray[np.intp]:
     beside = np.maximum(bend[:-2], bend[2:])
     stands_out = np.any(bend[1:-1] > _KINK * beside + floor, axis=1)
     return np.flatnonzero(stands_out) + 2
+
+
+def pulses(breaks: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Return times (s) in the pulses of columns (pieces, 4, columns) that rest otherwise.
+
+    A step that is long, because an arm rests, must not pass over a pulse, whose force none of its
+    stages and error estimates sees. An arm at rest passed over those of 5 % of the run, and not
+    over those of 10 %.
+    """
+    width = np.diff(breaks)[:, None]
+    slopes = np.abs(coefficients[:, 1:]) * np.stack([width**0, 2.0 * width, 3.0 * width**2], axis=1)
+    steep = slopes.sum(axis=1) * (width > _JUMP * width.sum())
+    active = steep > _STILL * steep.max(axis=0)
+    times = [np.zeros(0)]
+    for column in active[:, (active * width).sum(axis=0) < _PULSE * width.sum()].T:
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], column, [False]])))
+        for first, last in edges.reshape(-1, 2):
+            times.append(np.linspace(breaks[first], breaks[last], _STOPS))
+    return np.unique(np.concatenate(times))
 
 
 FloatArray = NDArray[np.float64]

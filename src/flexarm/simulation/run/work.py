@@ -21,7 +21,6 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.integrate import Integrator, KennedyCarpenter5
 from flexarm.integrate.base import FloatArray, Progress, Status, System, Tolerance
-from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.integrator_choice import (
     Choice,
@@ -52,9 +51,6 @@ _DECAY, _POWER = 6.0, 0.85
 #: Amplitude, as a multiple of the relative tolerance times the reach, above which a vibration is
 #: motion that must be followed.
 _SEEN = 100.0
-#: Slope over the largest one, below which a function of time rests; and the share of the duration
-#: that it rests beside a pulse.
-_STILL, PULSE = 0.05, 0.9
 #: Evaluations of a step of the implicit method.
 _PER_STEP = 9.0
 #: Phase (rad) of the fastest vibration in a sample time above which "auto" is implicit in a loop.
@@ -77,7 +73,6 @@ class Start(NamedTuple):
     tolerance: Tolerance
     duration: float  # s
     system: Callable[[], System]  # creates one for a trial, with loads of its own
-    pulse: bool = False  # a torque or load acts so briefly that a trial at the start misses it
 
 
 def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choice:
@@ -88,8 +83,6 @@ def choose_by_work(choice: Choice, start: Start, open_end: bool = False) -> Choi
     size = start.state[0].size
     implicit = np.inf
     switch = choice.open and not isinstance(choice.integrator, KennedyCarpenter5)
-    # Long steps of an arm at rest would step over a pulse; those of order 8 follow vibrations.
-    switch = switch and not (start.pulse and explicit * size <= _LONG)
     if explicit > _WORTH_A_TRIAL and (switch or explicit * size > _LONG):
         implicit = implicit_work(start, explicit)
     if switch and implicit < _CHEAPER * explicit:
@@ -248,36 +241,17 @@ def choose(run: Run, history: PiecewiseCubic) -> None:
 
 def _start_of(run: Run, history: PiecewiseCubic) -> Start:
     system = partial(system_of, run.arm, run.prescribed, run.loads, history)
-    pulse = rests(history, run.loads, run.duration, PULSE)
-    return Start(run.arm, run.progress.state, run.tolerance, run.duration, system, pulse)
+    return Start(run.arm, run.progress.state, run.tolerance, run.duration, system)
 
 
 def is_cheap(run: Run, history: PiecewiseCubic) -> bool:
-    """Return whether an implicit run takes fewer evaluations than an explicit one at 1/30 of rtol.
+    """Return whether an implicit run is worth it beside an explicit one at 1/30 of its rtol.
 
-    It is not, if torques or loads rest most of the time: two runs of an arm at rest would both step
-    over a pulse, and agree.
-
-    Of 31 random arms, at four accuracies, those with more than 7 times the least explicit work take
-    more, up to 4.6 times as many, and those with less at most 1.3 times as many.
+    It takes fewer evaluations up to about 7 times the least explicit work, and at most 2.7 times as
+    many at this limit (docs/performance/measure_accuracy.py).
     """
-    if rests(history, run.loads, run.duration, 0.5):
-        return False
     explicit = explicit_work(run.choice.fastest, run.duration)
     return implicit_work(_start_of(run, history), explicit) <= _DEARER * explicit
-
-
-def rests(history: PiecewiseCubic, loads: LoadHistory, duration: float, share: float) -> bool:
-    """Return whether a torque or a load changes, but hardly for a share of the duration."""
-    for function in (history, loads.factors):
-        width = np.diff(np.clip(function.breaks, 0.0, duration))[:, None]
-        h, slopes = np.diff(function.breaks)[:, None], np.abs(function.coefficients[:, 1:])
-        steepest = slopes[:, 0] + 2.0 * slopes[:, 1] * h + 3.0 * slopes[:, 2] * h**2
-        most = np.where(width > 0.0, steepest, 0.0).max(axis=0)
-        still = ((steepest <= _STILL * most) * width).sum(axis=0)
-        if np.any((still >= share * duration) & (most > 0.0)):
-            return True
-    return False
 
 
 def run_open_loop(
