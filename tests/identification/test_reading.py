@@ -520,6 +520,33 @@ def test_dates_of_several_files_have_one_origin(tmp_path):
     assert torque[0] == pytest.approx(0.1)
 
 
+def _with_second_file(tmp_path, times, header="time", **settings):
+    pd.DataFrame({"time": TIMES, "torque_1": TIMES}).to_csv(tmp_path / "a.csv", index=False)
+    frame = pd.DataFrame({header: times, "angle": TIMES})
+    frame.to_csv(tmp_path / "b.csv", index=False)
+    column = {"column": "angle", "file": "b.csv"} | settings.pop("column", {})
+    channels = {"torque_1": "torque_1", "joint_angle_1": column}
+    return fa.read_record(tmp_path / "a.csv", channels, **settings)
+
+
+def test_clocks_of_several_files_that_differ_are_refused(tmp_path):
+    stamps = pd.to_datetime("2024-05-03T10:00:00Z") + pd.to_timedelta(TIMES, unit="s")
+    dates = stamps.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+    with pytest.raises(fa.InputError, match=r"'b\.csv' and 'a\.csv' must both have dates"):
+        _with_second_file(tmp_path, dates)
+    with pytest.raises(fa.InputError, match=r"'b\.csv' lasts"):
+        _with_second_file(tmp_path, 1e3 * TIMES)
+    with pytest.raises(fa.InputError, match="sample_time cannot be the times of several files"):
+        _with_second_file(tmp_path, TIMES, sample_time=0.01)
+    for record in (
+        _with_second_file(tmp_path, dates, column={"shift": 1e-9}),
+        _with_second_file(tmp_path, 1e3 * TIMES, "time [ms]"),
+        _with_second_file(tmp_path, TIMES),
+    ):
+        angle, torque = (record.data[name].values[:, 0] for name in ("joint_angle", "torque"))
+        np.testing.assert_allclose(angle, torque, atol=1e-6)
+
+
 def test_masked_samples_do_not_reach_their_neighbours(tmp_path):
     """Nor the check of units: 9999 is no strain."""
     t = np.arange(2001) / 1000.0

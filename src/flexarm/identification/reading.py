@@ -121,6 +121,7 @@ class _Source(NamedTuple):
     names: dict[str, str]  # headers of the columns by name without unit
     times: FloatArray  # s
     stated: bool  # whether their unit is
+    dated: bool  # whether they are from dates
 
 
 class _Samples(NamedTuple):
@@ -145,8 +146,14 @@ def record_of_file(
             continue
         table = read_table(folder / name, description.encoding, description.skip)
         names = {record.split_unit(header)[0]: header for header in table}
-        times, stated, origin = _times(description, table, names, origin)
-        sources[name] = _Source(table, names, times, stated)
+        times, stated = _times(description, table, names)
+        dated = times.dtype.kind == "M"
+        if dated:  # all dates are counted from the first one
+            origin = times[~np.isnat(times)][0] if origin is None else origin
+            elapsed = (times - origin) / np.timedelta64(1, "s")
+            times = np.where(np.isnat(times), np.nan, elapsed)
+        sources[name] = _Source(table, names, times, stated, dated)
+    _check_clocks(description, sources)
     samples = _columns(description, sources)
     columns = {label: values for label, (_, values) in samples.items()}
     for text in unwrap(columns):
@@ -162,6 +169,30 @@ def record_of_file(
     return record.MeasuredRecord(
         data, chosen, controller=controller, reference=reference, hardware=hardware
     )
+
+
+#: Ratio of the spans of two files from which on their times have different units.
+_OTHER_UNIT = 50.0
+
+
+def _check_clocks(description: RecordFile, sources: Mapping[str, _Source]) -> None:
+    """Raise unless the files of a record have one clock, apart from shifts."""
+    if len(sources) == 1:
+        return
+    if description.sample_time is not None:
+        hint = "Give each file a column of times."
+        raise InputError(Problem("sample_time", "cannot be the times of several files", hint=hint))
+    main = sources[description.file]
+    for name, source in sources.items():
+        shifted = all(c.shift for c in description.channels.values() if c.file == name)
+        if source.dated != main.dated and not shifted:
+            rule = f"{name!r} and {description.file!r} must both have dates, or neither"
+            raise InputError(Problem("time", rule, hint="Give the shift of each column."))
+        spans = [float(np.ptp(x.times[np.isfinite(x.times)])) for x in (source, main)]
+        if max(spans) > _OTHER_UNIT * min(spans) and not (source.stated and main.stated):
+            rule = f"{name!r} lasts {spans[0]:.4g} s and {description.file!r} {spans[1]:.4g} s"
+            hint = "Write units into the names of the columns of times, such as t [ms]."
+            raise InputError(Problem("time", rule, hint=hint))
 
 
 def _columns(
@@ -186,10 +217,10 @@ def _columns(
             si = record.MEASURED[label.channel].unit
             factor = record.factor_of(place, unit, si) if unit else 1.0
             values = column.gain * source.table[header].astype(np.float64) + column.offset
-            own = source.times + column.shift
-            if values.size == own.size:
+            times = source.times + column.shift
+            if values.size == times.size:
                 for masked in _masks_of(description, label):
-                    values[_within(own, masked, _interval(own))] = np.nan
+                    values[_within(times, masked, _interval(times))] = np.nan
             if not unit:
                 _check_size(place, label, values)
         except InputError as error:
@@ -200,7 +231,7 @@ def _columns(
         if values.size != source.times.size:
             rule = f"have {source.times.size} samples as the time"
             problems.append(Problem(place, rule, str(values.size)))
-        columns[label] = _Samples(own, factor * values)
+        columns[label] = _Samples(times, factor * values)
     if problems:
         raise InputError(*problems)
     return columns
@@ -242,15 +273,12 @@ def _header(place: str, name: str, table: Table, names: Mapping[str, str]) -> st
 
 
 def _times(
-    description: RecordFile, table: Table, names: Mapping[str, str], origin: Any
-) -> tuple[FloatArray, bool, Any]:
-    """Return the times (samples,) of a file, s, whether their unit is stated, and the origin.
-
-    The origin is the first of the dates in the files, from which all dates are counted.
-    """
+    description: RecordFile, table: Table, names: Mapping[str, str]
+) -> tuple[NDArray[Any], bool]:
+    """Return the times (samples,) of a file, s or dates, and whether their unit is stated."""
     if description.sample_time is not None:
         length = max(column.size for column in table.values())
-        return description.sample_time * np.arange(length, dtype=np.float64), True, origin
+        return description.sample_time * np.arange(length, dtype=np.float64), True
     likely = [name for name in names if name.rpartition(".")[2].lower() in _TIMES]
     name = description.time or (likely[0] if likely else None)
     if name is None:
@@ -259,11 +287,9 @@ def _times(
     header = _header("time", name, table, names)
     times = table[header]
     if times.dtype.kind == "M":
-        origin = times[~np.isnat(times)][0] if origin is None else origin
-        seconds = np.where(np.isnat(times), np.nan, (times - origin) / np.timedelta64(1, "s"))
-        return seconds, True, origin
+        return times, True
     unit = description.time_unit or record.split_unit(header)[1]
-    return times * (record.factor_of("time", unit, "s") if unit else 1.0), bool(unit), origin
+    return times * (record.factor_of("time", unit, "s") if unit else 1.0), bool(unit)
 
 
 def _increasing(times: FloatArray) -> FloatArray:
@@ -325,21 +351,20 @@ def _uniform(
 ) -> tuple[FloatArray, dict[record.Label, FloatArray]]:
     """Return uniform times from 0, at the rate of the clock, and the columns at them."""
     parts: dict[bytes, tuple[slice, FloatArray]] = {}  # of each file, by its times
-    for each in (clock, *(times for times, _ in samples.values())):
-        if each.tobytes() not in parts:
-            inside = _part(description, each)
-            increasing = _increasing(each[inside]) if inside.stop - inside.start > 1 else each[:0]
+    for stamps in (clock, *(times for times, _ in samples.values())):
+        if stamps.tobytes() not in parts:
+            inside = _part(description, stamps)
+            enough = inside.stop - inside.start > 1
+            increasing = _increasing(stamps[inside]) if enough else stamps[:0]
             if increasing.size < record.FEWEST:
                 rule = f"has fewer than {record.FEWEST} samples between start and end"
                 raise InputError(Problem("the record", rule))
-            parts[each.tobytes()] = inside, increasing
+            parts[stamps.tobytes()] = inside, increasing
     times = parts[clock.tobytes()][1]
     typical = _interval(times)
     # Other files may begin later and end sooner.
-    begin, end = (
-        f(g(part[k] for _, part in parts.values()), times[k])
-        for f, g, k in ((max, max, 0), (min, min, -1))
-    )
+    begin = max(increasing[0] for _, increasing in parts.values())
+    end = min(increasing[-1] for _, increasing in parts.values())
     begin = times[np.searchsorted(times, begin - 1e-6 * typical)] if begin <= end else end
     rate = description.rate or _rounded(1.0 / typical)
     count = (end - begin) * rate * (1 + 1e-9) + 1e-6 + 1.0
@@ -349,8 +374,8 @@ def _uniform(
         raise InputError(Problem("the record", rule, f"{count:.3g} at {rate:g} Hz", hint))
     grid = begin + np.arange(int(count)) / rate
     resampled = {}
-    for label, (own, column) in samples.items():
-        inside, times = parts[own.tobytes()]
+    for label, (stamps, column) in samples.items():
+        inside, times = parts[stamps.tobytes()]
         resampled[label] = _resampled(label, times, column[inside], grid, rate)
     for text, masks in description.masks.items():
         if not any(text in (label.channel, label.text) for label in resampled):
