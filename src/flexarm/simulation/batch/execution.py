@@ -43,9 +43,9 @@ from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.loads import LoadHistory
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.channels import LIMITS
+from flexarm.simulation.run.coarse import run_accurately
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import relative_tolerance, replaced
-from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Run
 
 if TYPE_CHECKING:

@@ -44,6 +44,7 @@ from flexarm.simulation.calls.limits import deep_contact
 from flexarm.simulation.calls.result import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.histories.loads import LoadHistory, constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.run.coarse import coarse, coarse_choice, coarse_tolerance, most_steps
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
 from flexarm.simulation.run.impacts import (
     LOOSER,
@@ -55,7 +56,12 @@ from flexarm.simulation.run.impacts import (
     returns_to_surface,
     scaled,
 )
-from flexarm.simulation.run.integrator_choice import Choice, choose_by_drive, choose_integrator
+from flexarm.simulation.run.integrator_choice import (
+    Choice,
+    choose_by_drive,
+    choose_integrator,
+    fastest_of,
+)
 from flexarm.simulation.run.settings import relative_tolerance, request_of, tolerances_of
 from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
@@ -101,6 +107,8 @@ class Ready(NamedTuple):
     drive: Any  # torque over time, or what computes it
     group: tuple[Any, ...] = ()  # runs with equal groups are executed together
     touch: float = 0.0  # rad/s, of the arm on the stiffest surface of a contact
+    coarse: float | None = None  # large relative tolerance, which a second run verifies
+    spent: int = 0  # evaluations of an earlier attempt
 
 
 @dataclass
@@ -111,6 +119,7 @@ class Group:
     sizes: tuple[float, ...]  # see `_structure`
     ready: Sequence[Ready]
     runs: LaneRuns
+    most_steps: int  # attempted ones of each run
     carried: Any = None  # what advanced them, for their channels and warnings
 
     def samples(self, place: int) -> FloatArray:
@@ -143,7 +152,7 @@ class Lanes(ABC):
         self._tolerance = self._tolerance_of(arm)
 
     def _tolerance_of(self, arm: Arm) -> Tolerance:
-        """Return the tolerance of runs of an arm, without their highest frequencies."""
+        """Return the small tolerance of runs of an arm, without their highest frequencies."""
         horizon = self._shared.duration
         relative, absolute, scale = tolerances_of(self._settings, arm)
         return Tolerance(absolute, relative, tip_units(arm, scale, horizon), 1.0 / horizon, scale)
@@ -154,27 +163,37 @@ class Lanes(ABC):
 
     def __call__(self, runs: range) -> Iterator[Outcome]:
         """Execute the runs of a block; yield their outcomes."""
-        ready = self._ready(runs)
         done: set[int] = set()
+        waiting = self._ready(runs)
+        while waiting:
+            groups, waiting = self._groups(waiting), []
+            for group in groups:
+                for outcome in self._executed(group):
+                    done.update(outcome.runs)
+                    yield outcome
+                waiting += self._again(group)
+        for k in runs:
+            if k not in done:
+                yield attempt(self._alone, k)
+
+    def _groups(self, ready: Sequence[Ready]) -> list[Group]:
+        """Return runs at their start, in groups that lanes advance together."""
         fastest = self._fastest(ready)
         groups: dict[tuple[Any, ...], tuple[LaneIntegrator, list[int]]] = {}
         method = None
         for place, run in enumerate(ready):
+            rate = float(fastest[place])
             if place == 0 or self._settings.integrator == "auto":
-                method = self._method(run, float(fastest[place]))
+                method = self._method(run, rate)
             if method is not None:
                 sizes = () if self._arm else _structure(run)
-                relative = relative_tolerance(self._settings, run.arm)
-                key = (method.name, (*sizes, relative), *run.group)
+                relative = self._tolerance_of_run(run).relative
+                key = (method.name, (*sizes, relative), self._most_steps(run, rate), *run.group)
                 groups.setdefault(key, (method, []))[1].append(place)
-        for key, (method, places) in groups.items():
-            own = [ready[place] for place in places]
-            for outcome in self._executed(self._begin(method, key[1], own, fastest[places])):
-                done.update(outcome.runs)
-                yield outcome
-        for k in runs:
-            if k not in done:
-                yield attempt(self._alone, k)
+        return [
+            self._begin(method, key[1], [ready[place] for place in places], fastest[places], key[2])
+            for key, (method, places) in groups.items()
+        ]
 
     def _ready(self, runs: range) -> list[Ready]:
         """Return the runs whose arguments are valid; ``alone`` reports the others."""
@@ -188,6 +207,18 @@ class Lanes(ABC):
     @abstractmethod
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         """Return run k before its start, by default from the start of its motion."""
+
+    def _most_steps(self, run: Ready, fastest: float) -> int:
+        """Return the attempted steps of a run in a lane; ``fastest``: rad/s."""
+        return MOST_STEPS
+
+    def _again(self, group: Group) -> list[Ready]:
+        """Return the runs of an executed group that lanes execute again."""
+        return []
+
+    def _tolerance_of_run(self, run: Ready) -> Tolerance:
+        tolerance = self._tolerance_of(run.arm)
+        return tolerance if run.coarse is None else coarse(tolerance, run.arm, run.coarse)
 
     def _loads_on(self, arm: Arm) -> LoadHistory:
         """Return the loads of a run."""
@@ -247,6 +278,7 @@ class Lanes(ABC):
         sizes: tuple[float, ...],
         ready: Sequence[Ready],
         fastest: FloatArray,
+        most_steps: int,
     ) -> Group:
         """Return runs of one group at their start."""
         arms = [run.arm for run in (ready[:1] if self._arm else ready)]
@@ -256,7 +288,8 @@ class Lanes(ABC):
         fastest, until = np.maximum(fastest, [run.touch for run in ready]), np.full(len(ready), end)
         runs = lane_runs(constants, states, fastest, until, self._times)
         runs.clock[:, STEP] = [method.first_step(float(rate)) for rate in runs.fastest]
-        return Group(method, sizes, ready, runs)
+        runs.counts[:, EVALUATIONS] = [run.spent for run in ready]
+        return Group(method, sizes, ready, runs, most_steps)
 
     def _verified(self, group: Group, done: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the runs ``done`` that remain after a comparison with others."""
@@ -332,7 +365,7 @@ class Lanes(ABC):
         key, run = (*group.sizes, looser), group.ready[0]
         if key not in self._steppers:  # by two threads at the same time: one is not kept
             own = run.arm.assembly.constants, run.loads.placed
-            tolerance = scaled(self._tolerance_of(run.arm), looser)
+            tolerance = scaled(self._tolerance_of_run(run), looser)
             self._steppers[key] = LaneStepper(*own, tolerance, several=self._arm is None)
         return self._steppers[key]
 
@@ -348,14 +381,33 @@ class OpenLanes(Lanes):
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
         if state is None:
             state = self._alone.start(k, arm)
-        history = self._alone.history(k, arm, state, relative_tolerance(self._settings, arm))
         loads, touch, contacts = self._loads_on(arm), 0.0, self._shared.environment.contacts
+        large = None if contacts else coarse_tolerance(self._settings, arm)
+        relative = large or relative_tolerance(self._settings, arm)
+        history = self._alone.history(k, arm, state, relative)
         if contacts:
             placed = contacts_of_run(arm, contacts, state)
             refuse_deep_start(arm, state, placed)
             loads = replace(loads, placed=loads.placed._replace(contacts=placed))
             touch = contact_frequency(arm, placed)
-        return Ready(k, arm, state, loads, history, touch=touch)
+        return Ready(k, arm, state, loads, history, touch=touch, coarse=large)
+
+    def _most_steps(self, run: Ready, fastest: float) -> int:
+        if run.coarse is None:
+            return MOST_STEPS
+        tolerance = self._tolerance_of_run(run)._replace(fastest=fastest)
+        return most_steps(fastest_of(run.arm, tolerance), self._shared.duration)
+
+    def _again(self, group: Group) -> list[Ready]:
+        stopped = np.flatnonzero(group.runs.status == Status.PAUSED).tolist()
+        runs = [(group.ready[k], int(group.runs.counts[k, EVALUATIONS])) for k in stopped]
+        return [self._small(*pair) for pair in runs if pair[0].coarse is not None]
+
+    def _small(self, run: Ready, spent: int) -> Ready:
+        """Return a run with small tolerances, which large ones do not make cheap."""
+        small = relative_tolerance(self._settings, run.arm)
+        history = self._alone.history(run.number, run.arm, run.state, small)
+        return run._replace(drive=history, coarse=None, spent=spent)
 
     def _counts(self, group: Group, place: int) -> bool:
         if not super()._counts(group, place):
@@ -363,11 +415,13 @@ class OpenLanes(Lanes):
         if not group.method.adaptive:
             return True
         unit, samples = group.unit(place), group.samples(place)
-        tolerance = self._tolerance_of(group.ready[place].arm)._replace(unit=unit)
+        tolerance = self._tolerance_of_run(group.ready[place])._replace(unit=unit)
         default, steps = self._settings.atol is None, int(group.runs.counts[place, STEPS])
         return small_motion(tolerance, tolerance.relative, default, samples, steps) is None
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
+        if run.coarse is not None:
+            return coarse_choice(fastest_of(run.arm, tolerance))
         choice = super()._choice(run, tolerance)
         stops = run.loads.stops_with(run.drive)
         choice = choose_by_drive(choice, run.arm, stops, self._shared.duration)
@@ -380,7 +434,7 @@ class OpenLanes(Lanes):
     def _carry(self, group: Group, looser: float = 1.0) -> None:
         first, histories = group.ready[0], [run.drive for run in group.ready]
         drive = drive_of_runs(first.arm, histories, first.loads)
-        self._stepper(group, looser).advance(group.method, drive, group.runs, MOST_STEPS)
+        self._stepper(group, looser).advance(group.method, drive, group.runs, group.most_steps)
         group.carried = {}
 
     def _verified(self, group: Group, done: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -391,24 +445,32 @@ class OpenLanes(Lanes):
         far = [int(k) for k in done if self._is_compared(group, int(k))]
         if not far:
             return done
-        compared = [group.ready[k] for k in far]
-        others = self._begin(group.method, group.sizes, compared, group.runs.fastest[far])
+        compared = [group.ready[k]._replace(spent=0) for k in far]
+        again = group.method, group.sizes, compared, group.runs.fastest[far]
+        others = self._begin(*again, MOST_STEPS)
         self._carry(others, LOOSER)
         repeated = []
         for row, place in enumerate(far):
+            large = compared[row].coarse is not None
             if others.runs.status[row] != Status.DONE:
+                repeated += [place] if large else []
                 continue
             group.runs.counts[place, EVALUATIONS] += others.runs.counts[row, EVALUATIONS]
             arm, request = compared[row].arm, request_of(self._settings, compared[row].arm)
             assert request is not None
             error = growth_error(arm, group.samples(place), others.samples(row))
+            if large:
+                repeated += [place] if error.max(initial=0.0) > request else []
+                continue
             if repeats_growth(error, request):
                 repeated.append(place)
             group.carried[place] = doubt_of_growth(arm, self._times, error, request)
         return np.setdiff1d(done, repeated)
 
     def _is_compared(self, group: Group, place: int) -> bool:
-        """Return whether a run at the default accuracy is compared with another one."""
+        """Return whether a run is compared with another one."""
+        if group.ready[place].coarse is not None:
+            return True
         arm, samples = group.ready[place].arm, group.samples(place)
         if self._settings.accuracy is not None or request_of(self._settings, arm) is None:
             return False

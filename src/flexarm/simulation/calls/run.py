@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.coordinates import once_per_arm, turning_joints
+from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.base.errors import (
     AccuracyWarning,
     FlexarmError,
@@ -27,7 +27,6 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.base.user_functions import FunctionError
-from flexarm.integrate import KennedyCarpenter5
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.scenario import DURATION, FAILURE
 from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
@@ -42,14 +41,13 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.loop.control_loop import ClosedLoop
 from flexarm.simulation.loop.stability import AnalysedLoop, Stability, stability
 from flexarm.simulation.run.changes import change_variables
+from flexarm.simulation.run.coarse import coarse_tolerance, run_accurately
 from flexarm.simulation.run.events import event_variables
 from flexarm.simulation.run.impacts import loop_comparison
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, replaced, with_keywords
-from flexarm.simulation.run.small_motion import run_accurately
 from flexarm.simulation.run.stepping import Notices, Run
-from flexarm.simulation.run.tolerance import LEAST, reach_of, share_of_finer
-from flexarm.simulation.run.work import is_cheap
+from flexarm.simulation.run.tolerance import LEAST, reach_of, share_of_finer, tolerance_of_request
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -241,74 +239,24 @@ def _executed(meter: Meter, situation: Situation) -> _Outcome:
 def _verified(meter: Meter, situation: Situation, accuracy: float) -> tuple[_Outcome, str]:
     """Execute a run with an accuracy that a second run verifies; return it and a warning.
 
-    A smooth arm begins with order 5 and large tolerances: errors of its steps add where vibrations
-    last, and the second run shows it. The attribute ``evaluations`` is that of all runs.
+    The run of a smooth arm verifies itself, unless its errors grow.
     """
-    spent, large = 0, partial(_large_tolerances, situation)
-    if _is_coarse(meter, situation, accuracy):
-        again = partial(_executed_again, meter, situation, large)
-        try:
-            first = _executed(meter, replace(situation, settings=large(accuracy)))
-        except SimulationError as error:
-            spent = error.result.attrs["evaluations"] if error.result is not None else 0
-        else:
-            outcome, doubt = with_error(first, accuracy, again)
-            if not doubt:
-                reason = "order 5 with bending implicit: a second run shows that it is accurate"
-                outcome[0].attrs["integrator_reason"] = reason
-                return outcome, ""
-            spent = outcome[0].attrs["evaluations"]
-    again = partial(_executed_again, meter, situation, partial(_with_accuracy, situation))
-    outcome, doubt = with_error(_executed(meter, situation), accuracy, again)
-    outcome[0].attrs["evaluations"] += spent
-    return outcome, doubt
+    first = _executed(meter, situation)
+    if "integration_error" in first[0].attrs:
+        return first, ""
+    return with_error(first, accuracy, partial(_executed_again, meter, situation))
 
 
-def _is_coarse(meter: Meter, situation: Situation, accuracy: float) -> bool:
-    """Return whether a run with an accuracy begins with large tolerances."""
-    sudden = situation.contacts or situation.changes or situation.events
-    if sudden or situation.controller is not None or situation.settings.integrator != "auto":
-        return False
-    arm = situation.simulated
-    if accuracy < _LEAST_COARSE * reach_of(arm) or not _is_smooth(arm):
-        return False
-    trial = replace(situation, settings=_large_tolerances(situation, accuracy))
-    with warnings.catch_warnings():  # the run itself repeats them
-        warnings.simplefilter("ignore")
-        run = trial.new_run(meter)
-        return is_cheap(run, trial.history_of(run)(run.tolerance.relative))
-
-
-def _large_tolerances(situation: Situation, accuracy: float) -> RunSettings:
-    """Return settings of order 5 for an accuracy that a second run verifies."""
-    rtol = min(_COARSE * accuracy / reach_of(situation.simulated), _LARGEST)
-    method = {"integrator": KennedyCarpenter5.name, "rtol": rtol, "accuracy": None}
-    return replaced(situation.settings, **method)
-
-
-def _with_accuracy(situation: Situation, accuracy: float) -> RunSettings:
-    return replaced(situation.settings, accuracy=accuracy)
-
-
-@once_per_arm
-def _is_smooth(arm: Arm) -> bool:
-    """Return whether an arm bends, and nothing in its joints acts suddenly."""
-    sudden = ("friction", "limits", "backlash", "winding")
-    joints = any(getattr(joint, name) for joint in arm.spec.joints for name in sudden)
-    return bool(arm.assembly.constants.w2.any()) and not joints and not arm.closure_rows
-
-
-def _executed_again(
-    meter: Meter,
-    situation: Situation,
-    settings_of: Callable[[float], RunSettings],
-    accuracy: float,
-) -> _Outcome | None:
+def _executed_again(meter: Meter, situation: Situation, accuracy: float) -> _Outcome | None:
     """Execute a run with another accuracy, without warnings; return None if that fails."""
+    arm = situation.simulated
+    how: dict[str, float | None] = {"accuracy": accuracy}
+    if coarse_tolerance(situation.settings, arm) is not None:  # large ones have failed
+        how = {"accuracy": None, "rtol": tolerance_of_request(accuracy / reach_of(arm))}
     try:
         varied = replace(
             situation,
-            settings=settings_of(accuracy),
+            settings=replaced(situation.settings, **how),
             controller=copy.deepcopy(situation.controller),  # the user's one keeps its state
         )
         with warnings.catch_warnings():
@@ -380,10 +328,11 @@ def _result(
     ended_by = FAILURE if failure else (log and log.ended_by) or DURATION
     reason = run.choice.reason + (run.default_step.reason() if run.default_step else "")
     law = ["HuntCrossley1975"] if run.loads.placed.contacts.body.size else []
-    request = run.request
+    request, reach = run.request, reach_of(run.first_arm)
     features = run.loads.factors.shortest_feature, getattr(drive, "shortest_feature", 0.0)
     attributes: dict[str, Any] = {
-        **({} if request is None else {"accuracy": request * reach_of(run.first_arm)}),
+        **({} if request is None else {"accuracy": request * reach}),
+        **({} if run.error is None else {"integration_error": run.error * reach}),
         "integrator": integrator.name,
         "integrator_reason": reason,
         "rtol": run.tolerance.relative,
@@ -415,12 +364,6 @@ def _result(
     return result if run.changes is None else result.assign(change_variables(run.changes))
 
 
-#: Relative tolerance of a run of order 5 over its request, and the largest. At 1 instead of 0.3 a
-#: quarter of runs must be repeated (docs/performance/measure_accuracy.py).
-_COARSE, _LARGEST = 0.3, 0.1
-#: Least request over the reach that begins with order 5: at 1e-8 its calls take half of the
-#: evaluations, at 1e-9 as many (30 arms, median).
-_LEAST_COARSE = 1e-8
 #: Accuracy of the second run over that of the first.
 _LOOSER = 10.0
 #: Accuracy of the first run over that of another one, if both have the same steps.

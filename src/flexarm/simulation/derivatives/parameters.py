@@ -50,7 +50,7 @@ from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.impacts import meets_stops, run_to_slips, slides, stopping_at_breaks
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, relative_tolerance, replaced
-from flexarm.simulation.run.small_motion import run_accurately
+from flexarm.simulation.run.small_motion import run_closely
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.work import Checkpoints
 
@@ -367,7 +367,7 @@ def simulated(
         return Parameters(run, environment, inputs_of_run(run, environment), None, tips, loop)
     history_of = situation.history_of(run)
     torque_of = partial(stopping_at_breaks, history_of) if by_samples else history_of
-    (run_to_slips if once else run_accurately)(run, torque_of, checkpoints)
+    (run_to_slips if once else run_closely)(run, torque_of, checkpoints)
     inputs, samples = inputs_of_run(run, environment), _samples(situation, history_of)
     return Parameters(run, environment, inputs, samples, tips, checkpoints=checkpoints)
 

@@ -265,7 +265,7 @@ def _compare_growth(run: Run, beginning: Beginning, request: float) -> None:
     unit, times = run.tolerance.unit, run.sample_times
     if not may_grow(run.integrator.name, run.samples[:count], constants, unit, times):
         return
-    other = _second(run, beginning, tolerance=scaled(run.tolerance, LOOSER))
+    other = second_run(run, beginning, tolerance=scaled(run.tolerance, LOOSER))
     if other is None:
         return
     error = growth_error(run.arm, run.samples[:count], other.samples[: other.progress.sample])
@@ -527,13 +527,13 @@ def _agrees_with_looser(run: Run, beginning: Beginning, allowed: float) -> bool:
 
 def _verify(run: Run, beginning: Beginning, **changed: Any) -> FloatArray:
     """Return the difference from a second run; nothing if the arm changes or that run fails."""
-    other = _second(run, beginning, **changed)
+    other = second_run(run, beginning, **changed)
     if other is None:
         return np.zeros(0)
     return difference(run, other.samples, other.sample_times, other.progress.sample)
 
 
-def _second(run: Run, beginning: Beginning, **changed: Any) -> Run | None:
+def second_run(run: Run, beginning: Beginning, **changed: Any) -> Run | None:
     """Return a second run from the same beginning; None if the arm changes or it fails."""
     if run.changes is not None or run.history is None:
         return None

@@ -116,9 +116,13 @@ def choose_integrator(
         choice = _by_stiffness(arm, tolerance, touch, steep)
         choice = choice._replace(doubt=_smoothing_doubt(choice.integrator, arm, tolerance))
     choice = choice._replace(integrator=settling(choice.integrator, arm, tolerance, prescribed))
-    # Strong damping limits an explicit step in the same way as a vibration.
+    return choice._replace(fastest=fastest_of(arm, tolerance, prescribed))
+
+
+def fastest_of(arm: Arm, tolerance: Tolerance, prescribed: tuple[int, ...] = ()) -> float:
+    """Return what limits the steps of an explicit method: rad/s, or decay in 1/s."""
     damping = float(arm.assembly.constants.damping.max(initial=0.0))
-    return choice._replace(fastest=max(tolerance.fastest, damping, damping_rate(arm, prescribed)))
+    return max(tolerance.fastest, damping, damping_rate(arm, prescribed))
 
 
 def explicit_work(fastest: float, duration: float) -> float:

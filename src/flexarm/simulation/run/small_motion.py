@@ -36,7 +36,7 @@ _PARTS = 16
 _REST = 1e-10
 
 
-def run_accurately(
+def run_closely(
     run: Run, history_of: Callable[[float], PiecewiseCubic], checkpoints: Checkpoints | None = None
 ) -> None:
     """Simulate under a torque; repeat the run if its motion is small beside the tolerance."""

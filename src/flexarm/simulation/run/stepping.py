@@ -160,6 +160,7 @@ class Run:
     notices: Notices = field(default_factory=list)  # warnings of the result
     default_step: DefaultStep | None = None  # search for the step of a fixed-step method
     request: float | None = None  # error over the reach; None if tolerances are given
+    error: float | None = None  # its estimate, if a second run verified large tolerances
     max_steps: int = 64
     changes: ArmChanges | None = None  # of the arm during the run
     environment: Environment = EMPTY  # source of ``loads``

@@ -52,7 +52,7 @@ _DECAY, _POWER = 6.0, 0.85
 #: motion that must be followed.
 _SEEN = 100.0
 #: Evaluations of a step of the implicit method.
-_PER_STEP = 9.0
+EVALUATIONS_A_STEP = 9.0
 #: Phase (rad) of the fastest vibration in a sample time above which "auto" is implicit in a loop.
 #: In 24 stable loops of random arms with a phase of 8 to 40, the implicit method takes 0.50 times
 #: the evaluations of the explicit one (median; at most 0.82) at the default tolerance, and errs by
@@ -119,7 +119,7 @@ def choose_by_samples(
         )
         choice = choice._replace(integrator=KennedyCarpenter5(), reason=reason)
     if np.isfinite(duration):
-        implicit = _PER_STEP * duration / sample_time
+        implicit = EVALUATIONS_A_STEP * duration / sample_time
         explicit = explicit_work(choice.fastest, duration)
         work = _work_of(choice.integrator, duration, explicit, implicit)
         modes = arm.assembly.constants.mode[:, :, 0].size
@@ -149,7 +149,7 @@ def implicit_work(start: Start, explicit: float) -> float:
             return np.inf
         rate = (progress.evaluations - evaluations) / (progress.time - time)
         ahead = rate * (start.duration - progress.time)
-        work = progress.evaluations + min(ahead, _PER_STEP * _decay(start, progress.state))
+        work = progress.evaluations + min(ahead, EVALUATIONS_A_STEP * _decay(start, progress.state))
         decided = work < _CHEAPER * explicit or work > _DEARER * explicit
         if decided or progress.evaluations > min(_SHARE * explicit, _LONGEST_TRIAL):
             return work
@@ -242,16 +242,6 @@ def choose(run: Run, history: PiecewiseCubic) -> None:
 def _start_of(run: Run, history: PiecewiseCubic) -> Start:
     system = partial(system_of, run.arm, run.prescribed, run.loads, history)
     return Start(run.arm, run.progress.state, run.tolerance, run.duration, system)
-
-
-def is_cheap(run: Run, history: PiecewiseCubic) -> bool:
-    """Return whether an implicit run is worth it beside an explicit one at 1/30 of its rtol.
-
-    It takes fewer evaluations up to about 7 times the least explicit work, and at most 2.7 times as
-    many at this limit (docs/performance/measure_accuracy.py).
-    """
-    explicit = explicit_work(run.choice.fastest, run.duration)
-    return implicit_work(_start_of(run, history), explicit) <= _DEARER * explicit
 
 
 def run_open_loop(
