@@ -150,6 +150,8 @@ class Lanes(ABC):
         self._arm = arm if batch.runs.same_arm else None
         self._bending = BendingErrors(arm)
         self._tolerance = self._tolerance_of(arm)
+        #: Runs whose channels are computed together.
+        self._together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
 
     def _tolerance_of(self, arm: Arm) -> Tolerance:
         """Return the small tolerance of runs of an arm, without their highest frequencies."""
@@ -268,9 +270,8 @@ class Lanes(ABC):
         self._carry(group)
         done = np.flatnonzero(group.runs.status == Status.DONE)
         done = self._verified(group, done[[self._counts(group, int(k)) for k in done]])
-        together = max(1, _CHUNK // max(1, self._times.size)) if self._arm else 1
-        for first in range(0, len(done), together):
-            yield self._outcome(group, done[first : first + together])
+        for first in range(0, len(done), self._together):
+            yield self._outcome(group, done[first : first + self._together])
 
     def _begin(
         self,
@@ -449,23 +450,31 @@ class OpenLanes(Lanes):
         again = group.method, group.sizes, compared, group.runs.fastest[far]
         others = self._begin(*again, MOST_STEPS)
         self._carry(others, LOOSER)
-        repeated = []
-        for row, place in enumerate(far):
-            large = compared[row].coarse is not None
-            if others.runs.status[row] != Status.DONE:
-                repeated += [place] if large else []
-                continue
+        ended = others.runs.status == Status.DONE
+        large = np.array([run.coarse is not None for run in compared])
+        repeated = [far[row] for row in np.flatnonzero(large & ~ended)]
+        rows = np.flatnonzero(ended).tolist()
+        for row, error in zip(rows, self._errors(group, others, far, rows), strict=True):
+            place, arm = far[row], compared[row].arm
             group.runs.counts[place, EVALUATIONS] += others.runs.counts[row, EVALUATIONS]
-            arm, request = compared[row].arm, request_of(self._settings, compared[row].arm)
+            request = request_of(self._settings, arm)
             assert request is not None
-            error = growth_error(arm, group.samples(place), others.samples(row))
-            if large:
-                repeated += [place] if error.max(initial=0.0) > request else []
-                continue
-            if repeats_growth(error, request):
+            if error.max(initial=0.0) > request if large[row] else repeats_growth(error, request):
                 repeated.append(place)
-            group.carried[place] = doubt_of_growth(arm, self._times, error, request)
+            elif not large[row]:
+                group.carried[place] = doubt_of_growth(arm, self._times, error, request)
         return np.setdiff1d(done, repeated)
+
+    def _errors(
+        self, group: Group, others: Group, places: list[int], rows: list[int]
+    ) -> Iterator[FloatArray]:
+        """Yield the estimated error of the runs at ``places[rows]`` by rows of ``others``."""
+        for first in range(0, len(rows), self._together):
+            those = rows[first : first + self._together]
+            own = [places[row] for row in those]
+            count, arm = int(group.runs.counts[own[0], SAMPLES]), group.ready[own[0]].arm
+            pair = group.runs.samples[own, :count], others.runs.samples[those, :count]
+            yield from growth_error(arm, *pair)
 
     def _is_compared(self, group: Group, place: int) -> bool:
         """Return whether a run is compared with another one."""
