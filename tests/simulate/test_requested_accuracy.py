@@ -67,12 +67,50 @@ def test_batch_equals_single_runs_bit_for_bit():
     accuracy = 1e-4 * float(arm.lengths.sum())
     batch = fa.simulate_batch(arm, 0.6, initial=starts, torque=torque, accuracy=accuracy, **QUIET)
     assert batch.attrs["accuracy"] == pytest.approx(accuracy)
-    assert "integration_error" not in batch.attrs  # the runs of a batch are not verified
-    rtol = accuracy / float(arm.lengths.sum()) / 100.0
     for k, start in enumerate(starts):
-        method = {"integrator": str(batch.integrator.values[k]), "rtol": rtol}
-        alone = fa.simulate(arm, 0.6, initial=start, torque=torque, **method, **QUIET)
+        how = {"initial": start, "torque": torque, "accuracy": accuracy}
+        alone = fa.simulate(arm, 0.6, **how, **QUIET)
         assert np.array_equal(batch.tip.values[k], alone.tip.values)
+        assert int(batch.evaluations[k]) == alone.attrs["evaluations"]
+        assert alone.attrs["integration_error"] <= accuracy
+
+
+@pytest.mark.parametrize("accuracy", [None, 1e-3])
+def test_lanes_decide_as_single_runs_do(accuracy):
+    """Of runs that turn ever faster, errors of the last ones grow, and they begin again."""
+    arm, torque = random_arm(2)
+    rates = np.array([arm.rest([12.0 * k, -9.0 * k, 5.0 * k]) for k in range(6)])
+    how = {"torque": torque, "accuracy": accuracy, **QUIET}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", fa.FlexarmWarning)  # they bend far
+        batch = fa.simulate_batch(arm, 0.5, initial_rate=rates, **how)
+        alone = [fa.simulate(arm, 0.5, initial_rate=rate, **how) for rate in rates]
+    request = (accuracy or alone[0].attrs["accuracy"]) / float(arm.lengths.sum())
+    large = [result.attrs["rtol"] > 0.05 * request for result in alone]
+    assert True in large
+    assert False in large
+    for k, result in enumerate(alone):
+        if accuracy is None or large[k]:  # `simulate` goes on until the request is reached
+            assert np.array_equal(batch.tip.values[k], result.tip.values)
+            assert int(batch.evaluations[k]) == result.attrs["evaluations"]
+
+
+def test_visible_errors_of_velocities_require_small_tolerances():
+    """Large tolerances err by 2e-3 of the largest velocity here, and by 2e-7 of the reach."""
+    arm, torque = random_arm(7)
+    run = {"torque": torque, "rate": 300.0, "progress": False}
+    exact = fa.simulate(arm, 1.0, rtol=1e-10, **run)
+    large = fa.simulate(arm, 1.0, rtol=1e-6, integrator="kennedy_carpenter_5", **run)
+    result = fa.simulate(arm, 1.0, **run)
+    fastest = np.hypot(*exact.tip_velocity.values.T).max()
+
+    def error(other):
+        return np.hypot(*(other.tip_velocity - exact.tip_velocity).values.T).max() / fastest
+
+    assert result.attrs["rtol"] == 1e-7
+    assert error(result) < 1e-3 < error(large)
+    accuracy = result.attrs["accuracy"]  # who asks for positions gets the large tolerances
+    assert "integration_error" in fa.simulate(arm, 1.0, accuracy=accuracy, **run).attrs
 
 
 @pytest.mark.parametrize("part", [1e-3, 1e-5])

@@ -44,7 +44,14 @@ from flexarm.simulation.calls.limits import deep_contact
 from flexarm.simulation.calls.result import BY_CONTACTS, BY_FORCES
 from flexarm.simulation.histories.loads import LoadHistory, constants_with
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.run.coarse import coarse, coarse_choice, coarse_tolerance, most_steps
+from flexarm.simulation.run.coarse import (
+    coarse,
+    coarse_choice,
+    coarse_errors,
+    coarse_tolerance,
+    drive_tolerance,
+    most_steps,
+)
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
 from flexarm.simulation.run.impacts import (
     LOOSER,
@@ -74,6 +81,8 @@ from flexarm.simulation.run.work import Start, choose_by_work
 MOST_STEPS = 200_000
 #: Samples whose channels are computed together, which bounds the scratch memory.
 _CHUNK = 4096
+#: Key of the runs of a group, among their warnings, that lanes execute again.
+_AGAIN = "again"
 _TORQUES = frozenset({"torque", "torque_command"})
 
 
@@ -107,7 +116,7 @@ class Ready(NamedTuple):
     drive: Any  # torque over time, or what computes it
     group: tuple[Any, ...] = ()  # runs with equal groups are executed together
     touch: float = 0.0  # rad/s, of the arm on the stiffest surface of a contact
-    coarse: float | None = None  # large relative tolerance, which a second run verifies
+    large: float | None = None  # relative tolerance, which a second run verifies
     spent: int = 0  # evaluations of an earlier attempt
 
 
@@ -220,7 +229,7 @@ class Lanes(ABC):
 
     def _tolerance_of_run(self, run: Ready) -> Tolerance:
         tolerance = self._tolerance_of(run.arm)
-        return tolerance if run.coarse is None else coarse(tolerance, run.arm, run.coarse)
+        return tolerance if run.large is None else coarse(tolerance, run.arm, run.large)
 
     def _loads_on(self, arm: Arm) -> LoadHistory:
         """Return the loads of a run."""
@@ -383,32 +392,36 @@ class OpenLanes(Lanes):
         if state is None:
             state = self._alone.start(k, arm)
         loads, touch, contacts = self._loads_on(arm), 0.0, self._shared.environment.contacts
-        large = None if contacts else coarse_tolerance(self._settings, arm)
-        relative = large or relative_tolerance(self._settings, arm)
+        settings, large = self._settings, None
+        relative = relative_tolerance(settings, arm)
+        if not contacts and (large := coarse_tolerance(settings, arm)) is not None:
+            relative = drive_tolerance(settings, arm, large)
         history = self._alone.history(k, arm, state, relative)
         if contacts:
             placed = contacts_of_run(arm, contacts, state)
             refuse_deep_start(arm, state, placed)
             loads = replace(loads, placed=loads.placed._replace(contacts=placed))
             touch = contact_frequency(arm, placed)
-        return Ready(k, arm, state, loads, history, touch=touch, coarse=large)
+        return Ready(k, arm, state, loads, history, touch=touch, large=large)
 
     def _most_steps(self, run: Ready, fastest: float) -> int:
-        if run.coarse is None:
+        if run.large is None:
             return MOST_STEPS
         tolerance = self._tolerance_of_run(run)._replace(fastest=fastest)
         return most_steps(fastest_of(run.arm, tolerance), self._shared.duration)
 
     def _again(self, group: Group) -> list[Ready]:
+        if group.ready[0].large is None:
+            return []
         stopped = np.flatnonzero(group.runs.status == Status.PAUSED).tolist()
-        runs = [(group.ready[k], int(group.runs.counts[k, EVALUATIONS])) for k in stopped]
-        return [self._small(*pair) for pair in runs if pair[0].coarse is not None]
+        places = [*stopped, *group.carried.get(_AGAIN, ())]
+        return [self._small(group.ready[k], group.runs.counts[k, EVALUATIONS]) for k in places]
 
     def _small(self, run: Ready, spent: int) -> Ready:
-        """Return a run with small tolerances, which large ones do not make cheap."""
+        """Return a run with small tolerances, after one that was not accurate, or not cheap."""
         small = relative_tolerance(self._settings, run.arm)
         history = self._alone.history(run.number, run.arm, run.state, small)
-        return run._replace(drive=history, coarse=None, spent=spent)
+        return run._replace(drive=history, large=None, spent=int(spent))
 
     def _counts(self, group: Group, place: int) -> bool:
         if not super()._counts(group, place):
@@ -421,7 +434,7 @@ class OpenLanes(Lanes):
         return small_motion(tolerance, tolerance.relative, default, samples, steps) is None
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
-        if run.coarse is not None:
+        if run.large is not None:
             return coarse_choice(fastest_of(run.arm, tolerance))
         choice = super()._choice(run, tolerance)
         stops = run.loads.stops_with(run.drive)
@@ -450,35 +463,39 @@ class OpenLanes(Lanes):
         again = group.method, group.sizes, compared, group.runs.fastest[far]
         others = self._begin(*again, MOST_STEPS)
         self._carry(others, LOOSER)
-        ended = others.runs.status == Status.DONE
-        large = np.array([run.coarse is not None for run in compared])
-        repeated = [far[row] for row in np.flatnonzero(large & ~ended)]
-        rows = np.flatnonzero(ended).tolist()
-        for row, error in zip(rows, self._errors(group, others, far, rows), strict=True):
+        ended = np.flatnonzero(others.runs.status == Status.DONE).tolist()
+        for row in ended:
+            group.runs.counts[far[row], EVALUATIONS] += others.runs.counts[row, EVALUATIONS]
+        if group.ready[0].large is not None:
+            group.carried[_AGAIN] = [*self._inaccurate(group, others, far)]
+            return np.setdiff1d(done, group.carried[_AGAIN])
+        repeated = []
+        for row in ended:
             place, arm = far[row], compared[row].arm
-            group.runs.counts[place, EVALUATIONS] += others.runs.counts[row, EVALUATIONS]
             request = request_of(self._settings, arm)
             assert request is not None
-            if error.max(initial=0.0) > request if large[row] else repeats_growth(error, request):
+            error = growth_error(arm, group.samples(place), others.samples(row))
+            if repeats_growth(error, request):
                 repeated.append(place)
-            elif not large[row]:
-                group.carried[place] = doubt_of_growth(arm, self._times, error, request)
+            group.carried[place] = doubt_of_growth(arm, self._times, error, request)
         return np.setdiff1d(done, repeated)
 
-    def _errors(
-        self, group: Group, others: Group, places: list[int], rows: list[int]
-    ) -> Iterator[FloatArray]:
-        """Yield the estimated error of the runs at ``places[rows]`` by rows of ``others``."""
-        for first in range(0, len(rows), self._together):
-            those = rows[first : first + self._together]
-            own = [places[row] for row in those]
+    def _inaccurate(self, group: Group, others: Group, places: list[int]) -> Iterator[int]:
+        """Yield the places of runs of large tolerances that ``others`` do not verify."""
+        for first in range(0, len(places), self._together):
+            own, rows = places[first : first + self._together], slice(first, first + self._together)
             count, arm = int(group.runs.counts[own[0], SAMPLES]), group.ready[own[0]].arm
-            pair = group.runs.samples[own, :count], others.runs.samples[those, :count]
-            yield from growth_error(arm, *pair)
+            pair = group.runs.samples[own, :count], others.runs.samples[rows, :count]
+            with np.errstate(all="ignore"):  # of runs that failed
+                errors = coarse_errors(arm, *pair, self._settings)
+            request = request_of(self._settings, arm)
+            assert request is not None
+            failed = others.runs.status[rows] != Status.DONE
+            yield from np.array(own)[failed | ~(errors <= request)].tolist()
 
     def _is_compared(self, group: Group, place: int) -> bool:
         """Return whether a run is compared with another one."""
-        if group.ready[place].coarse is not None:
+        if group.ready[place].large is not None:
             return True
         arm, samples = group.ready[place].arm, group.samples(place)
         if self._settings.accuracy is not None or request_of(self._settings, arm) is None:

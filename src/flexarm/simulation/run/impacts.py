@@ -277,12 +277,10 @@ def _compare_growth(run: Run, beginning: Beginning, request: float) -> None:
 
 
 def growth_error(arm: Arm, samples: FloatArray, others: FloatArray) -> FloatArray:
-    """Estimate the error (..., k) of the tip in samples (..., k, 2, n, 1 + m), over the reach."""
-    count = min(samples.shape[-4], others.shape[-4])
-    both = (states[..., :count, :, :, :] for states in (samples, others))
-    tips = [tips_of(arm, states.reshape(-1, *states.shape[-3:]))[:, :2] for states in both]
-    apart = np.hypot(*np.subtract(*tips).T).reshape(*samples.shape[:-4], count)
-    return np.asarray(share_of_finer(LOOSER) / reach_of(arm) * apart)
+    """Estimate the error (k,) of the tip in samples (k, 2, n, 1 + m), over the reach."""
+    count = min(len(samples), len(others))
+    tips = (tips_of(arm, states[:count])[:, :2] for states in (samples, others))
+    return np.asarray(share_of_finer(LOOSER) / reach_of(arm) * np.hypot(*np.subtract(*tips).T))
 
 
 def repeats_growth(error: FloatArray, request: float) -> bool:
