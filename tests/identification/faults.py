@@ -10,6 +10,7 @@ from identification.benches import believed, record, rough_record, truth
 #: Fault and words of which one names it.
 FAULTS = {
     "friction": ("Coulomb friction",),
+    "friction by direction": ("N m at positive and",),
     "torque offset": ("torque_1 reads", "offset of torque_1"),
     "strain offset": ("strain_1 reads", "offset of strain_1"),
     "delay": ("strain_1 is late", "delay of strain_1"),
@@ -39,7 +40,12 @@ def faulty_record(fault: str, seed: int, end: float, bench: Bench = ONE) -> fa.M
     strain = data["strain"].values[:, 0]
     torque = data["torque"].values
     places = random.choice(strain.size, round(5 * size), replace=False)
-    if fault == "torque offset":
+    if fault == "friction by direction":  # the torques of the record include that of friction
+        rate = np.gradient(data["joint_angle"].values, 1.0 / clean.rate, axis=0)
+        middle = 0.5 * (rate + np.roll(rate, -1, axis=0))
+        sign = np.tanh(middle / (0.02 * np.abs(rate).max(axis=0)))
+        torque += 0.03 * size * (sign + 0.5) * np.array(bench.amplitude)
+    elif fault == "torque offset":
         torque[:, 0] += 0.02 * size * bench.amplitude[0]
     elif fault == "torque gain":
         torque *= 1.0 + 0.1 * size

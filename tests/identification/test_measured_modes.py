@@ -1,5 +1,7 @@
 """Modes from records over time: a real robot arm, and systems that SciPy simulates."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -7,10 +9,10 @@ from scipy.linalg import block_diag
 from scipy.signal import lsim
 
 import flexarm as fa
-from identification.benches import DATA
 
 pytestmark = pytest.mark.compiled
 
+ROBOT_ARM = Path(__file__).parents[2] / "examples" / "measured" / "robot_arm.csv"
 RATE, COUNT = 100.0, 1500
 #: Frequencies (Hz), damping ratios and residues (mode, output, input) of the simulated system.
 HERTZ, DAMPING = np.array([3.1, 9.7]), np.array([0.004, 0.012])
@@ -52,7 +54,7 @@ def simulated(seed, noise=0.0, start=(0.0, 0.0, 0.0, 0.0), count=COUNT):
 def daisy(**settings):
     """The robot arm of KU Leuven, DaISY 96-009; its sample time is unknown, here 1 s."""
     channels = {"torque_1": "input", "joint_rate_1": "output"}
-    return fa.read_record(DATA / "robot_arm.csv", channels, sample_time=1.0, **settings)
+    return fa.read_record(ROBOT_ARM, channels, sample_time=1.0, **settings)
 
 
 def test_a_real_robot_arm_is_reproduced():
@@ -76,6 +78,34 @@ def test_the_second_half_of_the_robot_arm_confirms_the_first():
     change = np.abs(second.frequency_hz - first.frequency_hz)
     both = np.hypot(first.frequency_deviation, second.frequency_deviation)
     assert np.all(change < 4.0 * both)
+
+
+def test_lines_without_input_are_left_out_of_a_periodic_response():
+    # The sweep of the robot arm has odd harmonics only; 96 to 98 % of the response are two modes.
+    found = fa.frequency_response(daisy(), period=1024.0, band=(0.005, 0.19))
+    lines = np.rint(1024.0 * found.frequency_hz)
+    assert np.all(lines % 2 == 1)
+    assert np.all(np.diff(lines) == 2)
+    modes = found.modes(2)
+    assert modes.fit[0, 0] > 97.0
+    np.testing.assert_allclose(modes.frequency_hz, [0.05822, 0.12672], rtol=2e-4)
+    # So does an odd multisine whose readings have 1 % of noise, in the torque, too.
+    random, count, lines = np.random.default_rng(5), 4096, np.arange(41, 600, 2)
+    torque, angle = np.zeros((2, count // 2 + 1), dtype=complex)
+    torque[lines] = np.exp(2j * np.pi * random.uniform(size=lines.size))
+    s = 2j * np.pi * np.arange(count // 2 + 1) * RATE / count
+    for hertz, zeta, (residue,) in zip(HERTZ, DAMPING, RESIDUES[:, 0, :1], strict=True):
+        pole = 2.0 * np.pi * hertz * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
+        angle += torque * (residue / (s - pole) + np.conj(residue) / (s - np.conj(pole)))
+    signals = np.fft.irfft([torque, angle], n=count)
+    signals += 0.01 * signals.std(axis=1, keepdims=True) * random.standard_normal(signals.shape)
+    names, coordinates = ("torque", "joint_angle"), {"time": np.arange(count) / RATE, "joint": [1]}
+    channels = zip(names, signals[:, :, None], strict=True)
+    data = xr.Dataset({n: (("time", "joint"), v) for n, v in channels}, coordinates)
+    record = fa.MeasuredRecord(data, interpolation="cubic")
+    found = fa.frequency_response(record, period=count / RATE, band=(1.0, 14.63))
+    np.testing.assert_allclose(found.frequency_hz, lines * RATE / count)
+    np.testing.assert_allclose(found.modes(2).frequency_hz, HERTZ, rtol=1e-4)
 
 
 def test_modes_and_residues_are_those_of_the_system():

@@ -532,21 +532,27 @@ def _cutoff(values: FloatArray, rate: float) -> float | None:
 def _named(table: xr.Dataset) -> list[str]:
     """Return sentences on physics and instruments from the estimates of the last fit."""
     sentences = []
-    for path in table["parameter"].values.tolist():
-        row = table.sel(parameter=path)
-        value, start = float(row["estimate"]), float(row["start"])
-        sure = _SURE * float(row["standard_deviation"])
-        if abs(value - start) < sure:
-            continue
+    columns = (table[name].values for name in ("estimate", "start", "standard_deviation"))
+    rows = zip(table["parameter"].values.tolist(), *columns, strict=True)
+    changed = {
+        path: (float(value), float(start))
+        for path, value, start, deviation in rows
+        if abs(value - start) >= _SURE * deviation
+    }
+    for path, (value, start) in changed.items():
         kind, _, text = path.partition(".")
         label = label_of(text)
         unit = MEASURED[label.channel].unit.replace("1", "") if label else ""
         match = _FRICTION.match(path)
         if match and start == 0.0:
             joint = int(match[1]) + 1
-            sentences.append(
-                f"Joint {joint} stops early: Coulomb friction of about {value:.2g} N m."
-            )
+            sentence = f"Joint {joint} stops early: Coulomb friction of about {value:.2g} N m"
+            # While a joint moves, an offset of its torque and friction of each direction are equal.
+            offset = changed.get(f"offsets.torque_{joint}", (0.0, 0.0))[0]
+            if offset:
+                sentence += f"; without the offset of torque_{joint}, {value + offset:.2g} N m at "
+                sentence += f"positive and {value - offset:.2g} N m at negative rates"
+            sentences.append(f"{sentence}.")
         elif kind == "offsets":
             size = f"{value:+.2g} {unit}".strip()
             sentences.append(f"{text} reads {size} at zero: an offset.")

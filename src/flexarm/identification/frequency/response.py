@@ -39,6 +39,9 @@ from flexarm.model.quantities import Count, NonNegative
 #: Least power of an input at a frequency, as a fraction of its largest one, and least ratio of the
 #: smallest to the largest eigenvalue of the normalised spectra of the inputs.
 _EXCITED, _DISTINCT = 1e-6, 1e-6
+#: Power of lines that a periodic input lacks, such as the even ones of an odd multisine, as a
+#: fraction of that of lines on both sides, and distance of these: noise has a few percent of it.
+_GAP, _NEAR = 0.03, 3
 #: Fewest frequencies of a fit, besides two for each mode.
 _SPARE = 6
 #: Fit (%) of modes below which some are missing or noise hides them, and the words of the warning.
@@ -135,7 +138,8 @@ def frequency_response(
             channels and rate. Several inputs require as many records, such as those of
             ``Multisine.orthogonal``, or inputs that are not correlated.
         period: s, of a periodic input in steady state: whole periods are transformed, without a
-            window. Only the frequencies of the input remain.
+            window. Only the frequencies of the input remain, those with 3 % or more of the power of
+            lines nearby.
         segment: s, of segments of another input, such as a sweep; they overlap by half and have
             Hann's window. By default an eighth of the record. One over it is the resolution: use
             segments of several decay times.
@@ -172,7 +176,23 @@ def frequency_response(
     averages = sum(part.averages for part in parts)
     total = sum(part.averages * part.matrix for part in parts) / averages
     spectra = _Spectra(parts[0].frequency_hz, np.asarray(total), averages)
+    if period is not None:
+        between = np.any(_between_lines(_power(spectra.matrix, len(inputs))), axis=1)
+        spectra = _Spectra(spectra.frequency_hz[~between], spectra.matrix[~between], averages)
     return _estimate(spectra, next(iter(given.values())), inputs, outputs, limits)
+
+
+def _power(matrix: _ComplexArray, m: int) -> FloatArray:
+    """Return the power (F, m) of the inputs at each frequency."""
+    return np.asarray(np.diagonal(matrix[:, :m, :m], axis1=1, axis2=2).real)
+
+
+def _between_lines(power: FloatArray) -> NDArray[np.bool_]:
+    """Return where the power (F, m) of a periodic input is noise between its lines."""
+    padded = np.pad(power, ((_NEAR, _NEAR), (0, 0)))
+    highest = np.lib.stride_tricks.sliding_window_view(padded, _NEAR, axis=0).max(axis=-1)
+    before, after = highest[: len(power)], highest[_NEAR + 1 :]
+    return np.asarray(power < _GAP * np.minimum(before, after))
 
 
 def alike_records(
@@ -221,7 +241,7 @@ def _estimate(
     """Return H1 = S_yu S_uu^-1 with its deviation and multiple coherence."""
     m, hertz = len(inputs), spectra.frequency_hz
     driven = spectra.matrix[:, :m, :m]
-    power = np.diagonal(driven, axis1=1, axis2=2).real
+    power = _power(spectra.matrix, m)
     kept = (hertz > 0.0) & (hertz >= band[0]) & (hertz <= band[1])
     kept &= np.all(power > _EXCITED * power.max(axis=0), axis=1)
     if not kept.any():
