@@ -222,10 +222,10 @@ def test_a_picture_is_refused_by_its_kind_not_by_its_size(window, tmp_path):
 
 
 def test_the_files_of_init_are_opened_one_after_the_other(window, tmp_path):
-    from flexarm.cases.templates import mechanism_arm, mechanism_scenario
+    from flexarm.cases.templates import mechanism_files
 
-    (tmp_path / "arm.yaml").write_text(mechanism_arm("four-bar"), encoding="utf-8")
-    (tmp_path / "scenario.yaml").write_text(mechanism_scenario("four-bar"), encoding="utf-8")
+    for name, text in zip(("arm", "scenario"), mechanism_files("four-bar"), strict=True):
+        (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
     window.show_file(tmp_path / "arm.yaml")
     window.show_file(tmp_path / "scenario.yaml")
     assert saved(window).record == fa.load_scenario(tmp_path / "scenario.yaml")

@@ -7,10 +7,10 @@ from scenarios import invoke
 
 import flexarm as fa
 from flexarm.cases.results import read_result
-from flexarm.cases.templates import TEMPLATES
+from flexarm.cases.templates import MECHANISMS
 
 
-@pytest.mark.parametrize("kind", sorted(TEMPLATES))
+@pytest.mark.parametrize("kind", sorted(MECHANISMS))
 def test_files_of_a_mechanism_run(kind, tmp_path):
     answer = invoke("init", str(tmp_path / kind), "--mechanism", kind)
     assert answer.exit_code == 0

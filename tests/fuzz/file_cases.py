@@ -21,7 +21,7 @@ import yaml
 from typer.testing import CliRunner
 
 import flexarm as fa
-from flexarm.cases.templates import TEMPLATES, mechanism_arm, mechanism_scenario
+from flexarm.cases import templates
 from flexarm.cli.failures import FAILED_RUN, INTERRUPTED, WRONG_INPUT
 from flexarm.cli.main import app
 from fuzz.farm import ROOT, Part
@@ -60,7 +60,7 @@ fit: {iterations: 1}
 FIT = SMALL.partition("motion:")[0] + FIT
 #: A five-bar whose motors move its cranks.
 FIVE_BAR = (
-    mechanism_arm("five-bar")
+    templates.mechanism_files("five-bar")[0]
     + """\
 motion:
   {kind: joint, start: [2.2, -1.2, 0.94, 1.2], end: [2, 0, 0.9, 0], duration: 0.1, driven: [1, 3]}
@@ -70,11 +70,8 @@ run: {duration: 0.05, rate: 200}
 )
 #: The mechanisms of ``flexarm init``, in one file each.
 MECHANISMS = [
-    mechanism_arm(kind)
-    + mechanism_scenario(kind)
-    .partition("arm: arm.yaml\n")[2]
-    .replace("duration: 2.0", "duration: 0.05")
-    for kind in TEMPLATES
+    arm + scenario.partition("arm: arm.yaml\n")[2].replace("duration: 2.0", "duration: 0.05")
+    for arm, scenario in map(templates.mechanism_files, templates.MECHANISMS)
 ]
 SCENARIOS = [
     SMALL,

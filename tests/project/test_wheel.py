@@ -88,6 +88,7 @@ def test_wheel_contains_the_package_only(wheel: Path) -> None:
         "flexarm/py.typed",
         "flexarm/library/paper.yaml",
         "flexarm/library/cards/whip.yaml",
+        "flexarm/library/mechanisms/crane/arm.yaml",
     } <= names
     assert not [name for name in names if "test" in name.partition("/")[0]]
     assert {"METADATA", "WHEEL", "entry_points.txt", "LICENSE"} <= {

@@ -8,8 +8,8 @@ import pytest
 
 import flexarm as fa
 from flexarm.base.errors import InputError
+from flexarm.cases import templates
 from flexarm.cases.scenario.scenario import prepare
-from flexarm.cases.templates import TEMPLATES
 from flexarm.model.wording import path_text
 from flexarm.view.studio.compute import Picture, Request, parts_of
 from flexarm.view.studio.presets import paper_project
@@ -32,7 +32,7 @@ from flexarm.view.studio.values.fields import groups_of, points_of
 
 from test_state import STUDY  # isort: skip
 
-MECHANISMS = [["--mechanism", kind] for kind in TEMPLATES]
+MECHANISMS = [["--mechanism", kind] for kind in templates.MECHANISMS]
 
 
 def lengths(project):

@@ -9,17 +9,11 @@ from typing import Annotated
 import typer
 
 from flexarm.base.errors import InputError, Problem, shown
-from flexarm.cases.templates import (
-    MOST_LINKS,
-    TEMPLATES,
-    arm_files,
-    mechanism_arm,
-    mechanism_scenario,
-)
+from flexarm.cases.templates import MECHANISMS, MOST_LINKS, arm_files, mechanism_files
 from flexarm.cli.options import argument, flag
 from flexarm.cli.tables import print_line
 
-_KINDS = ", ".join(TEMPLATES)
+_KINDS = ", ".join(MECHANISMS)
 
 
 def init(
@@ -32,7 +26,7 @@ def init(
     """Write a commented arm and scenario to start from: arm.yaml and scenario.yaml."""
     from flexarm.base.writing.places import check_folder, write_text
 
-    if mechanism is not None and mechanism not in TEMPLATES:
+    if mechanism is not None and mechanism not in MECHANISMS:
         raise InputError(Problem("--mechanism", f"be one of {_KINDS}", shown(mechanism)))
     if mechanism is not None and (links != 2 or gravity or stiff):
         raise InputError(
@@ -48,13 +42,10 @@ def init(
     if problems:
         raise InputError(*problems)
     check_folder("FOLDER", folder)
-    texts = arm_files(links, gravity, stiff)
-    if mechanism is not None:
-        texts = mechanism_arm(mechanism), mechanism_scenario(mechanism)
-    write_text(texts[0], arm)
-    write_text(texts[1], scenario)
-    print_line(f"arm in {arm}")
-    print_line(f"scenario in {scenario}")
+    texts = mechanism_files(mechanism) if mechanism else arm_files(links, gravity, stiff)
+    for kind, path, text in zip(("arm", "scenario"), (arm, scenario), texts, strict=True):
+        write_text(text, path)
+        print_line(f"{kind} in {path}")
     print_line(f"next: flexarm check {_quoted(scenario)}")
     print_line(f"      flexarm run {_quoted(scenario)} --animate {_quoted(folder / 'arm.html')}")
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cache, partial
 from importlib.resources import files
 
-from flexarm.cases.templates import TEMPLATES, arm_files, mechanism_arm, mechanism_scenario
+from flexarm.cases.templates import MECHANISMS, arm_files, mechanism_files
 from flexarm.view.studio.state import Project, open_bytes
 
 
@@ -24,6 +24,10 @@ def _of_texts(arm: str, scenario: str, name: str) -> Project:
     return open_bytes(scenario.encode(), name, {"arm.yaml": described})
 
 
+def _mechanism(kind: str) -> Project:
+    return _of_texts(*mechanism_files(kind), kind)
+
+
 #: States to start from, by their entries in the menu: the paper's, and those of ``flexarm init``.
 PRESETS: dict[str, Callable[[], Project]] = {
     "one link": lambda: _of_texts(*arm_files(1), "one link"),
@@ -31,10 +35,7 @@ PRESETS: dict[str, Callable[[], Project]] = {
     "stiff links": lambda: _of_texts(*arm_files(stiff=True), "stiff links"),
     "a boom under gravity": lambda: _of_texts(*arm_files(gravity=True), "boom"),
     "the arm of the paper": paper_project,
-    **{
-        text.summary: partial(_of_texts, mechanism_arm(kind), mechanism_scenario(kind), kind)
-        for kind, text in TEMPLATES.items()
-    },
+    **{summary: partial(_mechanism, kind) for kind, summary in MECHANISMS.items()},
 }
 
 
