@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
+from importlib.resources import as_file, files
 from typing import Any
 
 import numpy as np
 from cycler import cycler
-from matplotlib import rc_context
+from matplotlib import rc_context, rc_params_from_file
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -51,73 +52,19 @@ SCREEN_DPI = 110
 #: Distances of axis labels from their axes by medium, to the left and below, inches.
 _LABELS = {"print": (0.41, 0.22), "screen": (0.5, 0.26)}
 
-_STYLE: Any = {
-    # Times, the usual font of journals. It comes with Matplotlib, so figures look the same on all
-    # machines, and makes a PDF twice as fast as the default font, whose tables are far larger.
-    "font.family": ["STIXGeneral"],
-    "mathtext.fontset": "stix",
-    "font.size": 9.0,
-    "axes.prop_cycle": cycler(color=SERIES),
-    "axes.titlesize": 9.5,
-    "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # a fixed position, because computing one takes as long as the lines
-    "axes.titlepad": 5.0,
-    "axes.labelsize": 9.0,
-    "axes.labelpad": 3.0,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": INK,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.xmargin": 0.0,
-    "axes.ymargin": 0.07,
-    "axes.grid": True,
-    "axes.grid.axis": "y",
-    "axes.axisbelow": True,
-    "axes.formatter.useoffset": False,
-    "grid.color": "#E3E3E3",
-    "grid.linewidth": 0.5,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "legend.fontsize": 8.5,
-    "legend.frameon": False,
-    "legend.handlelength": 1.6,
-    "legend.borderpad": 0.0,
-    "legend.borderaxespad": 0.65,
-    "legend.columnspacing": 1.0,
-    # Room at the edges and between panels, for figures with this layout (inches, and a fraction).
-    "figure.constrained_layout.w_pad": 0.09,
-    "figure.constrained_layout.h_pad": 0.09,
-    "figure.constrained_layout.wspace": 0.04,
-    "lines.linewidth": 1.0,
-    "lines.solid_capstyle": "round",
-    "text.color": INK,
-    "pdf.fonttype": 42,  # complete fonts, because journals reject Matplotlib's default Type 3
-    "svg.fonttype": "none",
-}
+_INKED = ("axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color", "text.color")
+_COLORS: dict[Any, Any] = {**dict.fromkeys(_INKED, INK), "axes.prop_cycle": cycler(color=SERIES)}
 
 
-#: Larger text without serifs for slides and videos, legible at low resolution.
-_SCREEN: Any = {
-    **_STYLE,
-    "font.family": ["DejaVu Sans"],
-    "mathtext.fontset": "dejavusans",
-    "font.size": 9.5,
-    "axes.titlesize": 10.0,
-    "axes.labelsize": 9.5,
-    "xtick.labelsize": 9.0,
-    "ytick.labelsize": 9.0,
-    "legend.fontsize": 9.0,
-    "axes.linewidth": 0.8,
-}
+def _settings(medium: str) -> dict[Any, Any]:
+    """Return the settings in the style file of a medium."""
+    with as_file(files(__package__) / f"{medium}.mplstyle") as path:
+        return dict(rc_params_from_file(path, use_default_template=False))
+
+
+_PRINT = _COLORS | _settings("print")
 #: Settings by medium.
-MEDIA = {"print": _STYLE, "screen": _SCREEN}
+MEDIA = {"print": _PRINT, "screen": _PRINT | _settings("screen")}
 
 _medium: ContextVar[str] = ContextVar("medium", default="print")
 
