@@ -28,6 +28,7 @@ from flexarm.model.quantities import (
     Pair,
     Positive,
     Word,
+    either,
     length_of,
     plain,
 )
@@ -168,13 +169,9 @@ class Load(Record, kw_only=False):
             yield Fault(("spread",), rule, shown(list(given.spread)))
 
 
-def _pair_or_table(value: Any) -> str:
-    return "<table>" if isinstance(plain(value), dict | AccelerationTable) else "<pair>"
-
-
 BaseAcceleration = Annotated[
     Annotated[Pair, Tag("<pair>")] | Annotated[AccelerationTable, Tag("<table>")],
-    Discriminator(_pair_or_table),
+    either("<table>", dict | AccelerationTable, "<pair>"),
 ]
 
 
@@ -230,7 +227,7 @@ else:
     ]
     TimeOrEvent = Annotated[
         Annotated[NonNegative, Tag("<time>")] | Annotated[Word, Tag("<event>")],
-        Discriminator(lambda value: "<event>" if isinstance(value, str) else "<time>"),
+        either("<event>", str, "<time>"),
     ]
 
 

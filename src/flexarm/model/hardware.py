@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast, get_args
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import BeforeValidator, Field
 
 from flexarm.base.arguments import check_numbers
 from flexarm.base.errors import ModelError, Problem, public_call, shown
@@ -25,9 +25,10 @@ from flexarm.model.quantities import (
     OneOrMany,
     Positive,
     Word,
+    must,
     plain,
 )
-from flexarm.model.wording import Fault, refuse
+from flexarm.model.wording import Fault
 
 PointSignal = Literal["position", "velocity", "acceleration"]
 POINT_SIGNALS: tuple[str, ...] = get_args(PointSignal)
@@ -169,14 +170,9 @@ CHANNEL_SIGNALS: tuple[str, ...] = get_args(ChannelSignal)
 LIMITS = ("torque_limit", "torque_constant", "current_limit", "voltage_limit", "resistance")
 
 
-def _storable(seed: int) -> int:
-    """Raise for a seed that the attributes of a result cannot contain."""
-    if seed >= 2**63:
-        raise refuse(f"be at most {2**63 - 1}", seed)
-    return seed
-
-
-Seed = Annotated[int, Field(strict=True, ge=0), AfterValidator(_storable), BeforeValidator(plain)]
+# The attributes of a result contain no larger seed.
+_STORABLE = must(f"be at most {2**63 - 1}", lambda seed: seed < 2**63)
+Seed = Annotated[int, Field(strict=True, ge=0), _STORABLE, BeforeValidator(plain)]
 
 
 _PLACE = ("link", "station", "frame")

@@ -9,7 +9,7 @@ accepted and stored as tuples.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -66,10 +66,20 @@ def _numbers(count: str, length: int, value: Any) -> Any:
     return numbers
 
 
-def _directed(value: tuple[float, float]) -> tuple[float, float]:
-    if not any(value):
-        raise refuse("have a length greater than 0", list(value))
-    return value
+def must(rule: str, fits: Callable[[Any], bool], hint: str = "") -> AfterValidator:
+    """Return the validator of a field with a rule of its own."""
+
+    def check(value: T) -> T:
+        if fits(value):
+            return value
+        raise refuse(rule, list(value) if isinstance(value, tuple) else value, hint)
+
+    return AfterValidator(check)
+
+
+def either(tag: str, kinds: Any, other: str) -> Discriminator:
+    """Return the choice between two members of a union: ``tag`` for plain values of ``kinds``."""
+    return Discriminator(lambda value: tag if isinstance(plain(value), kinds) else other)
 
 
 class Names(dict[str, T]):
@@ -103,23 +113,6 @@ def _mapped(value: Any) -> Any:
     if unprintable is not None:
         raise refuse("have printable names", unprintable)
     return value
-
-
-def _printable(value: str) -> str:
-    """Raise for control characters and halves of surrogate pairs, which files do not support."""
-    if printable(value) != value:
-        raise refuse("be printable text", value)
-    return value
-
-
-def _identifier(value: str) -> str:
-    if not value.isidentifier():
-        raise refuse("be a word of letters, digits and underscores", value)
-    return value
-
-
-def _one_or_many(value: Any) -> str:
-    return "<list>" if isinstance(plain(value), list | tuple) else "<number>"
 
 
 def _interval(value: Any) -> Any:
@@ -168,12 +161,14 @@ CountOrZero = Annotated[
 ]
 Flag = Annotated[bool, Field(strict=True), BeforeValidator(plain), Rule(check_flag)]
 Workers = Annotated[int | None, Rule(check_workers)]  # processes or threads; None: one each core
-Word = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_printable)]
-Identifier = Annotated[Word, AfterValidator(_identifier)]
+# Files do not support control characters and halves of surrogate pairs.
+_PRINTABLE = must("be printable text", lambda text: printable(text) == text)
+Word = Annotated[str, Field(strict=True, min_length=1), _PRINTABLE]
+Identifier = Annotated[Word, must("be a word of letters, digits and underscores", str.isidentifier)]
 Interval = Annotated[tuple[float, float], BeforeValidator(_interval)]
 OneOrMany = Annotated[
     Annotated[T, Tag("<number>")] | Annotated[Listed[T], Tag("<list>")],
-    Discriminator(_one_or_many),
+    either("<list>", list | tuple, "<number>"),
 ]
 
 # A limit that does not exist is infinite in Python, and missing or null in files.
@@ -184,7 +179,7 @@ if not TYPE_CHECKING:
         tuple[NonNegative, NonNegative, NonNegative],
         BeforeValidator(partial(_numbers, "three", 3)),
     ]
-    Direction = Annotated[Pair, AfterValidator(_directed)]  # of any length but zero
+    Direction = Annotated[Pair, must("have a length greater than 0", any)]
     _Limit = Annotated[float, Field(strict=True, gt=0), BeforeValidator(plain)]  # or infinite
     Limit = Annotated[_Limit | None, AfterValidator(_unlimited)]
     Limits = Annotated[OneOrMany[_Limit] | None, AfterValidator(_unlimited)]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
+from importlib.resources import files
 from typing import Any, get_args
 
 from flexarm.model.wording import Fault, Path
@@ -46,43 +47,6 @@ _KINDS = {
     "V": "a voltage",
     "ohm": "a resistance",
 }
-#: Angles have a dimension of their own: a hertz is not a radian per second, and N m is not a
-#: stiffness of a joint.
-_DEFINITIONS = """
-nano- = 1e-9 = n-
-micro- = 1e-6 = µ- = μ- = u-
-milli- = 1e-3 = m-
-centi- = 1e-2 = c-
-deci- = 1e-1 = d-
-kilo- = 1e3 = k-
-mega- = 1e6 = M-
-giga- = 1e9 = G-
-metre = [length] = m = meter
-inch = 0.0254 * metre = in
-foot = 0.3048 * metre = ft
-second = [time] = s = sec
-minute = 60 * second = min
-hour = 3600 * second = h
-gram = [mass] = g
-tonne = 1e6 * gram = t
-pound = 453.59237 * gram = lb
-radian = [angle] = rad
-degree = 0.017453292519943295 * radian = deg = °
-turn = 6.283185307179586 * radian = rev = revolution
-rpm = turn / minute
-hertz = 1 / second = Hz
-newton = kilogram * metre / second ** 2 = N
-pound_force = 4.4482216152605 * newton = lbf
-newton_metre = newton * metre = Nm
-pascal = newton / metre ** 2 = Pa
-bar = 1e5 * pascal
-pound_per_square_inch = 6894.757293168361 * pascal = psi
-joule = newton * metre = J
-watt = joule / second = W
-ampere = [current] = A
-volt = watt / ampere = V
-ohm = volt / ampere = Ω
-"""
 
 
 def unit_of(description: str) -> str:
@@ -200,5 +164,6 @@ def _parser() -> tuple[Any, Callable[[str], Any]]:
     import pint
 
     registry: Any = pint.UnitRegistry(None, cache_folder=None)
-    registry.load_definitions(_DEFINITIONS.strip().splitlines())
+    definitions = files(__package__) / "units.txt"
+    registry.load_definitions(definitions.read_text(encoding="utf-8").splitlines())
     return pint, registry.parse_units

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import BeforeValidator, Field
 
 from flexarm.base.errors import public_call, shown
 from flexarm.model.checks import Given, Record
@@ -22,20 +22,16 @@ from flexarm.model.quantities import (
     Number,
     OneOrMany,
     Positive,
+    must,
     plain,
 )
 from flexarm.model.wording import Fault, Path, refuse, suggestion
 
-
-def _of_a_section(value: float) -> float:
-    """Raise if a dimension is so small or large that its unit must be wrong."""
-    # Within these limits fourth powers are finite and greater than zero.
-    if not 1e-9 <= value <= 1e3:
-        raise refuse("be between 1e-9 and 1000", value, "Dimensions are in metres.")
-    return value
-
-
-Dimension = Annotated[Positive, AfterValidator(_of_a_section)]
+# Beyond these limits the unit must be wrong; within them fourth powers are finite and not zero.
+Dimension = Annotated[
+    Positive,
+    must("be between 1e-9 and 1000", lambda m: 1e-9 <= m <= 1e3, "Dimensions are in metres."),
+]
 PoissonsRatio = Annotated[Finite, Field(gt=-1, le=0.5), BeforeValidator(plain)]
 
 
@@ -333,20 +329,15 @@ _WAYS = (
 )
 
 
-def _affordable(elements: int) -> int:
-    if elements > MOST_ELEMENTS:
-        hint = (
-            "The modal basis of a link is dense: more elements increase memory and rounding errors "
-            "and do not improve the accuracy."
-        )
-        raise refuse(f"be at most {MOST_ELEMENTS}", elements, hint)
-    return elements
-
-
 Elements = Annotated[
     int,
     Field(strict=True, ge=1, json_schema_extra={"maximum": MOST_ELEMENTS}),
-    AfterValidator(_affordable),
+    must(
+        f"be at most {MOST_ELEMENTS}",
+        lambda elements: elements <= MOST_ELEMENTS,
+        "The modal basis of a link is dense: more elements increase memory and rounding errors "
+        "and do not improve the accuracy.",
+    ),
     BeforeValidator(plain),
 ]
 

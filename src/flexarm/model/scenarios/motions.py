@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
+from pydantic import BeforeValidator, Field, Tag
 
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives import FEEDFORWARD_DRIVES
@@ -21,27 +21,25 @@ from flexarm.model.quantities import (
     OneOrMany,
     Pair,
     Positive,
+    either,
+    must,
     plain,
 )
-from flexarm.model.wording import Fault, look, refuse
+from flexarm.model.wording import Fault, look
 
 Ratio = Annotated[Finite, Field(ge=0, lt=1), BeforeValidator(plain)]
 Part = Annotated[Finite, Field(gt=0, lt=1), BeforeValidator(plain)]
 _Width = Annotated[Finite, Field(gt=0, le=1), BeforeValidator(plain)]
 
 
-def _word_or_list(value: Any) -> str:
-    return "<list>" if isinstance(plain(value), list | tuple) else "<word>"
-
-
 _Joint = Literal["locked", "free"]
 _JointOrGains = Annotated[
     Annotated[_Joint, Tag("<word>")] | Annotated[Pair, Tag("<list>")],
-    Discriminator(_word_or_list),
+    either("<list>", list | tuple, "<word>"),
 ]
 _Joints = Annotated[
     Annotated[_Joint, Tag("<word>")] | Annotated[Listed[_JointOrGains], Tag("<list>")],
-    Discriminator(_word_or_list),
+    either("<list>", list | tuple, "<word>"),
 ]
 
 
@@ -96,13 +94,7 @@ class SmoothingSpec(Record):
 Profile = Literal["quintic", "trapezoidal"]
 
 
-def _two_points(value: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    if len(value) < 2:
-        raise refuse("have at least two points", list(value))
-    return value
-
-
-Points = Annotated[Listed[Pair], AfterValidator(_two_points)]
+Points = Annotated[Listed[Pair], must("have at least two points", lambda points: len(points) > 1)]
 
 
 class _Timing(Record):
@@ -208,13 +200,9 @@ class ForceTable(TimeTable):
         yield from table_faults(given, jumps=False)
 
 
-def _number_or_table(value: Any) -> str:
-    return "<table>" if isinstance(plain(value), dict | ForceTable) else "<number>"
-
-
 Force = Annotated[
     Annotated[NonNegative, Tag("<number>")] | Annotated[ForceTable, Tag("<table>")],
-    Discriminator(_number_or_table),
+    either("<table>", dict | ForceTable, "<number>"),
 ]
 
 
