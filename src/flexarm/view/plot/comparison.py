@@ -52,12 +52,7 @@ def study(table: xr.Dataset, *, axes: Any = None) -> style.AxesArray:
         InputError: if the table is not one of `compare`, has no finite number, or ``axes`` does
             not have one item for each panel.
     """
-    drawing = _Numbers(table)
-    shape = (len(drawing.references), len(drawing.chosen))
-    count = shape[0] * shape[1]
-    with style.panels(axes, count, drawing.size, drawing.arrange) as made:
-        drawing.draw(made)
-    return style.array_of(made, *shape)
+    return _Numbers(table).on(axes)
 
 
 @public_call_as("plot.comparison_figure")
@@ -67,11 +62,10 @@ def comparison_figure(table: xr.Dataset) -> style.Sheet:
     Raises:
         InputError: if the table is not one of `compare`, or has no finite number.
     """
-    drawing = _Numbers(table)
-    return style.page(drawing.size, drawing.arrange, drawing.draw, labels=False)
+    return _Numbers(table).page(labels=False)
 
 
-class _Numbers:
+class _Numbers(style.Drawing):
     """Metrics of a table to draw, and their panels."""
 
     def __init__(self, table: xr.Dataset) -> None:
@@ -87,14 +81,13 @@ class _Numbers:
         self.references = table["reference"].values
         height = _EDGES + (_LINE * len(self.names) + 0.75) * len(self.references)
         self.size = (_WIDTH, height)
+        self.shape = (len(self.references), len(self.chosen))
 
     def arrange(self, sheet: style.Sheet) -> list[Axes]:
-        """Add the axes, row by row."""
-        grid = sheet.add_gridspec(len(self.references), len(self.chosen))
+        grid = sheet.add_gridspec(*self.shape)
         left = 0.35 + 0.068 * max(map(len, self.names))
         style.margins(sheet, left=left, bottom=0.3, right=0.2, top=0.5, wspace=0.12, hspace=0.55)
-        count = len(self.references) * len(self.chosen)
-        return [sheet.add_subplot(grid[k]) for k in range(count)]
+        return [sheet.add_subplot(grid[k]) for k in range(self.shape[0] * self.shape[1])]
 
     def draw(self, made: Sequence[Axes]) -> None:
         """Draw every metric, and a legend of the plants if there are several."""
@@ -186,11 +179,7 @@ def samples(
         InputError: if the table is not one of a study with varied numbers, has no such metric, or
             ``axes`` does not have one item for each panel.
     """
-    drawing = _Samples(table, metric)
-    shape = (len(drawing.references), len(drawing.paths))
-    with style.panels(axes, shape[0] * shape[1], drawing.size, drawing.arrange) as made:
-        drawing.draw(made)
-    return style.array_of(made, *shape)
+    return _Samples(table, metric).on(axes)
 
 
 @public_call_as("plot.samples_figure")
@@ -200,11 +189,10 @@ def samples_figure(table: xr.Dataset, metric: str = "tip_error_rms") -> style.Sh
     Raises:
         InputError: if the table is not one of a study with varied numbers, or has no such metric.
     """
-    drawing = _Samples(table, metric)
-    return style.page(drawing.size, drawing.arrange, drawing.draw, labels=False)
+    return _Samples(table, metric).page(labels=False)
 
 
-class _Samples:
+class _Samples(style.Drawing):
     """Values of a metric to draw, and their panels."""
 
     def __init__(self, table: xr.Dataset, metric: str) -> None:
@@ -217,11 +205,10 @@ class _Samples:
             raise InputError(Problem("table", "has no varied numbers"))
         self.references = table["reference"].values
         self.size = (style.WIDTH, _SAMPLE_EDGES + _ROW * len(self.references))
+        self.shape = (len(self.references), len(self.paths))
 
     def arrange(self, sheet: style.Sheet) -> list[Axes]:
-        """Add the axes, row by row."""
-        shape = len(self.references), len(self.paths)
-        made = sheet.subplots(*shape, sharex="col", sharey=True, squeeze=False)
+        made = sheet.subplots(*self.shape, sharex="col", sharey=True, squeeze=False)
         style.margins(sheet, left=0.7, bottom=0.5, right=0.2, top=0.45)
         return list(made.ravel())
 

@@ -6,6 +6,8 @@ drawn and saved.
 
 from __future__ import annotations
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
@@ -126,22 +128,6 @@ class Sheet(Figure):
             super().savefig(fname, format=format, **{"dpi": DPI, **options})
 
 
-def page(
-    size: tuple[float, float],
-    arrange: _Arrange,
-    draw: Callable[[Sequence[Axes]], None],
-    labels: bool = True,
-) -> Sheet:
-    """Return a sheet with arranged and drawn axes, not registered with pyplot."""
-    sheet = Sheet(*size)
-    with styled():
-        made = arrange(sheet)
-        draw(made)
-        for each in made if labels else ():
-            place_labels(each)
-    return sheet
-
-
 def margins(
     sheet: Figure, left: float, bottom: float, right: float, top: float, **spacing: float
 ) -> None:
@@ -241,3 +227,34 @@ def array_of(axes: Sequence[Axes], *shape: int) -> AxesArray:
     array = np.empty(len(axes), dtype=object)
     array[:] = axes
     return array.reshape(shape) if shape else array
+
+
+class Drawing(ABC):
+    """Panels with ``size`` (inches) as a page and ``shape`` as an array, and their content."""
+
+    size: tuple[float, float]
+    shape: tuple[int, ...]
+
+    @abstractmethod
+    def arrange(self, sheet: Sheet) -> list[Axes]:
+        """Add the axes, row by row."""
+
+    @abstractmethod
+    def draw(self, made: Sequence[Axes]) -> None:
+        """Draw into the axes."""
+
+    def on(self, axes: object) -> AxesArray:
+        """Draw into the given axes or those of a new figure of pyplot, and return them."""
+        with panels(axes, math.prod(self.shape), self.size, self.arrange) as made:
+            self.draw(made)
+        return array_of(made, *self.shape)
+
+    def page(self, labels: bool = True) -> Sheet:
+        """Return a sheet that is not registered with pyplot, by default with aligned labels."""
+        sheet = Sheet(*self.size)
+        with styled():
+            made = self.arrange(sheet)
+            self.draw(made)
+            for each in made if labels else ():
+                place_labels(each)
+        return sheet

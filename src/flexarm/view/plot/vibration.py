@@ -39,12 +39,7 @@ def modes(found: Modes, count: Count = 6, *, axes: Any = None) -> style.AxesArra
         InputError: if ``found`` is not a `Modes` object, ``count`` is not a positive integer, or
             ``axes`` does not have one item for each mode.
     """
-    found = check_kind("found", found, Modes)
-    shown = min(count, found.frequency_hz.size)
-    size = (_WIDTH, _EDGES + _ROW * _rows(shown))
-    with style.panels(axes, shown, size, lambda sheet: _grid(sheet, shown)) as made:
-        _draw_shapes(made, found)
-    return style.array_of(made)
+    return _Shapes(check_kind("found", found, Modes), count).on(axes)
 
 
 @public_call_as("plot.modes_figure")
@@ -58,34 +53,33 @@ def modes_figure(modes: Modes, count: Count = 6) -> style.Sheet:
     Raises:
         InputError: if ``modes`` is not a `Modes` object, or ``count`` is not a positive integer.
     """
-    result = check_kind("modes", modes, Modes)
-    shown = min(count, result.frequency_hz.size)
-    size = (_WIDTH, _EDGES + _ROW * _rows(shown))
-    return style.page(
-        size, lambda sheet: _grid(sheet, shown), lambda made: _draw_shapes(made, result)
-    )
+    return _Shapes(check_kind("modes", modes, Modes), count).page()
 
 
-def _rows(count: int) -> int:
-    return max(1, -(-count // _COLUMNS))
+class _Shapes(style.Drawing):
+    """Shapes of the lowest modes."""
 
+    def __init__(self, modes: Modes, count: int) -> None:
+        self.modes, self.shape = modes, (min(count, modes.frequency_hz.size),)
+        self.rows = max(1, -(-self.shape[0] // _COLUMNS))
+        self.size = (_WIDTH, _EDGES + _ROW * self.rows)
 
-def _grid(sheet: style.Sheet, count: int) -> list[Axes]:
-    grid = sheet.add_gridspec(_rows(count), _COLUMNS)
-    style.margins(sheet, left=0.6, bottom=0.5, right=0.2, top=0.35, wspace=0.3, hspace=0.5)
-    return [sheet.add_subplot(grid[k // _COLUMNS, k % _COLUMNS]) for k in range(count)]
+    def arrange(self, sheet: style.Sheet) -> list[Axes]:
+        grid = sheet.add_gridspec(self.rows, _COLUMNS)
+        style.margins(sheet, left=0.6, bottom=0.5, right=0.2, top=0.35, wspace=0.3, hspace=0.5)
+        return [sheet.add_subplot(grid[k]) for k in range(*self.shape)]
 
-
-def _draw_shapes(made: Sequence[Axes], result: Modes) -> None:
-    curves = result.curves(amplitude=0.12 * result.arm.reach)
-    rest = result.arm.shape(result.q)
-    for k, axes in enumerate(made):
-        for link in range(result.arm.n_links):
-            axes.plot(*rest[link].T, **{**style.RIGID, "label": "_"})
-            axes.plot(*curves[k, link].T, color=style.BLUE, linewidth=1.3)
-            axes.plot(*(2 * rest[link] - curves[k, link]).T, color=style.GREY, linewidth=0.7)
-        axes.set(title=_title(result, k), xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
-        axes.set_aspect("equal", adjustable="datalim")
+    def draw(self, made: Sequence[Axes]) -> None:
+        modes, arm = self.modes, self.modes.arm
+        curves = modes.curves(amplitude=0.12 * arm.reach)
+        rest = arm.shape(modes.q)
+        for k, axes in enumerate(made):
+            for link in range(arm.n_links):
+                axes.plot(*rest[link].T, **{**style.RIGID, "label": "_"})
+                axes.plot(*curves[k, link].T, color=style.BLUE, linewidth=1.3)
+                axes.plot(*(2 * rest[link] - curves[k, link]).T, color=style.GREY, linewidth=0.7)
+            axes.set(title=_title(modes, k), xlabel="x [m]", ylabel="y [m]", xmargin=0.07)
+            axes.set_aspect("equal", adjustable="datalim")
 
 
 def _title(modes: Modes, k: int) -> str:
@@ -205,11 +199,7 @@ def bode(
         InputError: if the model is not a `LinearModel`, ``omega`` is not finite numbers, or
             ``axes`` does not have two items for each output.
     """
-    drawing = _Responses(model, omega)
-    count = 2 * drawing.rows
-    with style.panels(axes, count, drawing.size, drawing.arrange) as made:
-        drawing.draw(made)
-    return style.array_of(made, drawing.rows, 2)
+    return _Responses(model, omega).on(axes)
 
 
 @public_call_as("plot.response_figure")
@@ -222,11 +212,10 @@ def response_figure(model: LinearModel, omega: ArrayLike | None = None) -> style
     Raises:
         InputError: if the model is not a `LinearModel`, or ``omega`` is not finite numbers.
     """
-    drawing = _Responses(model, omega)
-    return style.page(drawing.size, drawing.arrange, drawing.draw)
+    return _Responses(model, omega).page()
 
 
-class _Responses:
+class _Responses(style.Drawing):
     """Responses of a model and their layout: gain above phase for each output."""
 
     def __init__(self, model: LinearModel, omega: ArrayLike | None) -> None:
@@ -241,10 +230,9 @@ class _Responses:
         near = np.abs(self.omega[:, None] - speed) < 0.5 * _BESIDE * speed
         self.response[near.any(axis=1)] = np.nan
         self.rows = max(1, len(self.outputs))
-        self.size = (_WIDTH, _EDGES + (_GAIN + _PHASE) * self.rows)
+        self.size, self.shape = (_WIDTH, _EDGES + (_GAIN + _PHASE) * self.rows), (self.rows, 2)
 
     def arrange(self, sheet: style.Sheet) -> list[Axes]:
-        """Add the axes of all outputs."""
         grid = sheet.add_gridspec(self.rows, 1)
         style.margins(sheet, left=0.85, bottom=0.45, right=0.2, top=0.4, hspace=0.2)
         made = []
@@ -255,7 +243,6 @@ class _Responses:
         return made
 
     def draw(self, made: Sequence[Axes]) -> None:
-        """Draw gain and phase of each output."""
         hertz = np.abs(self.omega[self.omega != 0.0]) / (2.0 * np.pi)
         shown = (float(hertz.min()), float(hertz.max())) if np.unique(hertz).size > 1 else None
         for row, output in enumerate(self.outputs):
