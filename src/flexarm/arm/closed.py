@@ -24,9 +24,9 @@ from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.bending import bending_warning
 from flexarm.arm.dynamics import gaps_by_q
 from flexarm.base.arguments import as_list
-from flexarm.base.errors import InputError, Problem, check_array, check_result, public_call, shown
+from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.kernels.columns import GAP, GAP_RATE
-from flexarm.kernels.derivatives.sensitivity import STEP, potential_hessian
+from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants
 from flexarm.kernels.recursion.closures import ROW_ANGLE, closure_gaps
 from flexarm.model import Contact, Load
@@ -255,16 +255,8 @@ def stiffness_of(
     """Return `Arm.stiffness_matrix` (dof, dof) less the curvature of closures with ``forces``."""
     if not forces.size:
         return arm.stiffness_matrix(q, loads=loads, contacts=contacts)
-    kernels = KernelView(arm.assembly.constants, complex)
-    kernels.set_closure_forces(forces)
-    n, width = kernels.shape
-    state = arm.padded(np.stack([q, np.zeros(arm.dof)])).astype(complex)
     placed = Environment(loads, None, contacts).placed(arm)
-    K = np.zeros((n, width, n, width))
-    kernels.call(potential_hessian, state, np.zeros(kernels.shape), placed, kernels.work, K)
-    check_result(K, q)
-    kept = arm.assembly.coordinates
-    return np.asarray(K.reshape(n * width, n * width)[np.ix_(kept, kept)])
+    return arm._hessian(arm._state(q, None), placed, forces)
 
 
 def least_forces(arm: Arm, q: FloatArray, force: FloatArray, free: IntArray) -> FloatArray:

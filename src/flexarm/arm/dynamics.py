@@ -323,11 +323,17 @@ class Dynamics(Coordinates):
         if not (np.any(constants.gravity) or constants.has_joint_laws or acting):
             springs = np.concatenate([constants.joint_stiffness[:, None], constants.w2], axis=1)
             return np.diag(self.unpadded(springs))
-        kernels = KernelView(constants, complex)
+        return self._hessian(state, placed)
+
+    def _hessian(
+        self, state: FloatArray, placed: Loads, closing: FloatArray | float = 0.0
+    ) -> FloatArray:
+        """Return the derivatives of the static force by q, under forces ``closing`` of closures."""
+        kernels = KernelView(self.assembly.constants, complex)
+        kernels.set_closure_forces(closing)
         at_rest, K = np.zeros(kernels.shape), np.zeros(kernels.shape * 2)
         kernels.call(potential_hessian, state.astype(complex), at_rest, placed, kernels.work, K)
-        check_result(K, q)
-        return self._unpadded_square(K)
+        return self._unpadded_square(check_result(K, state))
 
     def damping_matrix(self) -> FloatArray:
         """Return the viscous damping (dof, dof) of joints and links, diagonal."""

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexarm.arm.actions import SAME_PLACE, loads_inboard, parts_of
-from flexarm.arm.assembly.assemble import FloatArray, IntArray, move_masses
+from flexarm.arm.assembly.assemble import FloatArray, IntArray, move_masses, place_inertia
 from flexarm.arm.assembly.coordinates import Coordinates
 from flexarm.arm.beams.invariants import (
     PartConstants,
-    inverse_inertia,
     part_constants,
     shortening_matrices,
 )
@@ -113,7 +112,10 @@ def cuts_at(arm: Coordinates, count: int) -> tuple[Cut, ...]:
             for row, station in enumerate(own):
                 cut = cuts[station % count]
                 cut.reach[piece.body] = inner[row]
-                _place_part(cut.constants, piece.body, parts, row)
+                part = PartConstants(*(column[row] for column in parts))
+                place_inertia(cut.constants, piece.body, part)
+                modes = part.S.size
+                cut.constants.centrifugal[piece.body, :modes, :modes] = part.spread - np.eye(modes)
                 move_masses(cut.constants, piece.body, piece.offset)
                 cut.constants.inertia[piece.body] += hub
     return tuple(cuts)
@@ -141,19 +143,3 @@ def forces_at(
             cut.sizes, cut.constants, cut.stations, state, acceleration, kept, work, values
         )
     return np.ascontiguousarray(np.moveaxis(forces, 0, 1))
-
-
-def _place_part(constants: layout.ArmConstants, body: int, parts: PartConstants, row: int) -> None:
-    m = parts.S.shape[1]
-    mass, inertia = float(parts.mass[row]), float(parts.inertia[row])
-    constants.mass[body] = mass
-    constants.inverse_mass[body] = 1.0 / mass if mass else 0.0
-    constants.inverse_inertia[body] = inverse_inertia(mass, float(parts.first_moment[row]), inertia)
-    constants.first_moment_x[body] = parts.first_moment[row]
-    constants.inertia[body] = inertia
-    constants.S[body, :m] = parts.S[row]
-    constants.a[body, :m] = parts.a[row]
-    constants.centrifugal[body, :m, :m] = parts.spread[row] - np.eye(m)
-    if constants.D0.shape[1]:
-        constants.D0[body, :m, :m] = parts.D0[row]
-        constants.D1[body, :m, :m] = parts.D1[row]

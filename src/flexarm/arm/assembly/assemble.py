@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from flexarm.arm.assembly.surfaces import surface_rows
 from flexarm.arm.beams import BeamTable, LinkConstants, link_constants, rigid_constants
 from flexarm.arm.beams.assembly import interpolation_error
-from flexarm.arm.beams.invariants import inverse_inertia
+from flexarm.arm.beams.invariants import PartConstants, inverse_inertia
 from flexarm.base.errors import InputError
 from flexarm.kernels.columns import (
     CURVE_CURVATURE,
@@ -284,8 +284,7 @@ def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
     n = pieces[-1].body + 1 + payload_body
     bristles = any(joint.friction and joint.friction.bristle_stiffness for joint in spec.joints)
     m = max(piece.shapes.w2.size for piece in pieces) + bristles
-    second_order = spec.theory == "second_order"
-    g = m if second_order else 0
+    g = m if spec.theory == "second_order" else 0
     c = m if bristles or any(np.any(piece.shapes.rotary) for piece in pieces) else 0
     rows = sum(len(ROWS[closure.kind]) for closure in spec.closures)
     knots = surface_rows(_curves(spec))[1]
@@ -296,7 +295,7 @@ def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
     )
     constants.mobility[:] = 1.0
     for piece in pieces:
-        _place_link(constants, piece.body, piece.shapes, second_order)
+        _place_link(constants, piece.body, piece.shapes)
     if bristles:  # the integral of their deflection is no displacement and has no inertia
         constants.centrifugal[:, -1, -1] = -1.0
     return constants
@@ -515,24 +514,31 @@ def _place_motor(constants: ArmConstants, seat: Seat, joint: Joint) -> None:
         constants.limits[i] = stops.lower, stops.upper, stops.stiffness, stops.damping
 
 
-def _place_link(constants: ArmConstants, i: int, link: LinkConstants, second_order: bool) -> None:
+def place_inertia(constants: ArmConstants, i: int, body: LinkConstants | PartConstants) -> None:
+    """Set the integrals of the mass of body i over its shapes."""
+    k = body.S.size
+    constants.mass[i] = body.mass
+    constants.inverse_mass[i] = 1.0 / body.mass if body.mass else 0.0
+    constants.first_moment_x[i] = body.first_moment
+    constants.inertia[i] = body.inertia
+    constants.inverse_inertia[i] = inverse_inertia(body.mass, body.first_moment, body.inertia)
+    constants.S[i, :k], constants.a[i, :k] = body.S, body.a
+    if constants.D0.shape[1]:
+        constants.D0[i, :k, :k], constants.D1[i, :k, :k] = body.D0, body.D1
+
+
+def _place_link(constants: ArmConstants, i: int, link: LinkConstants) -> None:
+    place_inertia(constants, i, link)
     k = link.w2.size
-    constants.mass[i] = link.mass
-    constants.inverse_mass[i] = 1.0 / link.mass if link.mass else 0.0
-    constants.first_moment_x[i] = link.first_moment
-    constants.inertia[i] = link.inertia
-    constants.inverse_inertia[i] = inverse_inertia(link.mass, link.first_moment, link.inertia)
     constants.length[i] = link.length
-    for name in ("S", "a", "P", "dP", "w2"):
+    for name in ("P", "dP", "w2"):
         getattr(constants, name)[i, :k] = getattr(link, name)
     constants.residual_inertia[i] = link.residual_inertia
     constants.residual_tip[i] = link.residual_tip.ravel()
     constants.N[i] = link.P @ link.P, link.P @ link.dP, link.dP @ link.dP
     if constants.centrifugal.shape[1]:
         constants.centrifugal[i, :k, :k] = -link.rotary
-    if second_order:
-        constants.D0[i, :k, :k] = link.D0
-        constants.D1[i, :k, :k] = link.D1
+    if constants.G.shape[1]:
         constants.G[i, :k, :k] = link.G
 
 

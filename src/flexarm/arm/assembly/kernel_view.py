@@ -65,7 +65,7 @@ class KernelView:
         self.call(inverse_dynamics, state, acceleration, loads or self.loads, self.work)
         return self.work.force
 
-    def set_closure_forces(self, forces: Array) -> None:
+    def set_closure_forces(self, forces: Array | float) -> None:
         """Set the multipliers (rows,) of closures that inverse dynamics use."""
         self.work.closure[:, MULTIPLIER] = forces
 

@@ -210,19 +210,20 @@ class BeamMatrices:
 
     def over(self, shapes: FloatArray) -> BeamMatrices:
         """Return the matrices, except ``free_mass``, over other coordinates: ``shapes`` (n, k)."""
-
-        def reduced(matrix: FloatArray) -> FloatArray:
-            product: FloatArray = shapes.T @ matrix @ shapes
-            return (product + product.T) / 2.0
-
         return BeamMatrices(
-            translational_mass=reduced(self.translational_mass),
-            rotary_mass=reduced(self.rotary_mass),
-            stiffness=reduced(self.stiffness),
+            translational_mass=over(self.translational_mass, shapes),
+            rotary_mass=over(self.rotary_mass, shapes),
+            stiffness=over(self.stiffness, shapes),
             deflection_moment=shapes.T @ self.deflection_moment,
             rotation_moment=shapes.T @ self.rotation_moment,
             free_mass=self.free_mass,
         )
+
+
+def over(matrix: FloatArray, shapes: FloatArray) -> FloatArray:
+    """Return shapes^T matrix shapes, symmetric to the last digit."""
+    product: FloatArray = shapes.T @ matrix @ shapes
+    return (product + product.T) / 2.0
 
 
 def beam_matrices(

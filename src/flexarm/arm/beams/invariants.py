@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from flexarm.arm.beams.assembly import (
     interior_values,
     nodal_rotations,
     nodal_shapes,
+    over,
     point_shapes,
     product_integral,
     shear_parameters,
@@ -209,14 +211,10 @@ def _flexible_constants(table: BeamTable, elements: int, modes: int | None) -> L
         P=basis[-2].copy(),
         dP=basis[-1].copy(),
         w2=shapes.w2,
-        rotary=_over(matrices.rotary_mass, basis),
-        D0=_over(
-            product_integral(quadrature, table.outboard_moment(s, 0), local.slope), all_values
-        ),
-        D1=_over(
-            product_integral(quadrature, table.outboard_moment(s, 1), local.slope), all_values
-        ),
-        G=_over(product_integral(quadrature, np.ones_like(s), local.slope), all_values),
+        rotary=over(matrices.rotary_mass, basis),
+        D0=over(product_integral(quadrature, table.outboard_moment(s, 0), local.slope), all_values),
+        D1=over(product_integral(quadrature, table.outboard_moment(s, 1), local.slope), all_values),
+        G=over(product_integral(quadrature, np.ones_like(s), local.slope), all_values),
         residual_inertia=residual[[0, 0, 1], [0, 1, 1]],
         residual_tip=left[2 * elements : 2 * elements + 2].copy(),
         basis=basis,
@@ -299,12 +297,6 @@ def _rigid_body(table: BeamTable, quadrature: BeamQuadrature) -> tuple[float, fl
     rotary = weights * np.interp(s, table.x, table.rotary_inertia_per_length)
     inertia = float(mass @ s**2 + rotary.sum())
     return table.length, float(mass.sum()), float(mass @ s), inertia
-
-
-def _over(matrix: FloatArray, shapes: FloatArray) -> FloatArray:
-    """Return shapes^T matrix shapes, symmetric to the last digit."""
-    product: FloatArray = shapes.T @ matrix @ shapes
-    return (product + product.T) / 2
 
 
 def _left_of_rigid_motion(
@@ -492,8 +484,7 @@ def strain_to_nodal(table: BeamTable, quadrature: BeamQuadrature) -> FloatArray:
     return np.stack([deflection, rotation], axis=1).reshape(2 * elements, 2 * elements)
 
 
-@dataclass(frozen=True, eq=False)
-class PartConstants:
+class PartConstants(NamedTuple):
     """Integrals from the root to each of k stations, over the m shapes of the link; (R.40)."""
 
     mass: FloatArray  # (k,) kg, kg m, kg m^2 about the root
