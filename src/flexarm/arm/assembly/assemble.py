@@ -302,7 +302,6 @@ def constants_of_links(spec: ArmSpec, pieces: Sequence[Piece]) -> ArmConstants:
 
 
 def _curves(spec: ArmSpec) -> list[Surface]:
-    """Return the curves of closures."""
     return [closure.shape for closure in spec.closures if closure.shape]
 
 
@@ -521,7 +520,8 @@ def place_inertia(constants: ArmConstants, i: int, body: LinkConstants | PartCon
     constants.inverse_mass[i] = 1.0 / body.mass if body.mass else 0.0
     constants.first_moment_x[i] = body.first_moment
     constants.inertia[i] = body.inertia
-    constants.inverse_inertia[i] = inverse_inertia(body.mass, body.first_moment, body.inertia)
+    moments = float(body.mass), float(body.first_moment), float(body.inertia)
+    constants.inverse_inertia[i] = inverse_inertia(*moments)
     constants.S[i, :k], constants.a[i, :k] = body.S, body.a
     if constants.D0.shape[1]:
         constants.D0[i, :k, :k], constants.D1[i, :k, :k] = body.D0, body.D1

@@ -7,13 +7,13 @@ from math import log, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import flexarm as fa
 from flexarm.base.errors import FlexarmError
 from flexarm.cli.failures import collected_warnings, warn
 from flexarm.cli.options import Sets, argument, changed_document
 from flexarm.cli.tables import console, facts
 
 if TYPE_CHECKING:
-    from flexarm.arm.arm import Arm
     from flexarm.cases.scenario.file_errors import Where
     from flexarm.cases.scenario.scenario import Prepared
     from flexarm.identification.identify import PreparedIdentification
@@ -106,7 +106,6 @@ def _about_study(study: StudySpec, where: Where) -> Rows:
 
 
 def _about_prepared(prepared: Prepared, poles: Sequence[LoopPole]) -> Rows:
-    """Return the rows of a scenario."""
     arm, options = prepared.arm, prepared.options
     angles = arm.joint_angles(options["initial"])
     if arm.closure_rows:
@@ -122,12 +121,10 @@ def _about_prepared(prepared: Prepared, poles: Sequence[LoopPole]) -> Rows:
     return rows
 
 
-def _about_closed(arm: Arm, q: FloatArray) -> Rows:
+def _about_closed(arm: fa.Arm, q: FloatArray) -> Rows:
     """Return the frequencies of a closed mechanism at the start q (dof,) with joints that move."""
-    from flexarm.linear import modes
-
     try:
-        frequencies = modes(arm, q=q, joints="free").frequency_hz
+        frequencies = fa.modes(arm, q=q, joints="free").frequency_hz
     except FlexarmError as error:
         return [("frequencies", f"not computed: {error}")]
     listed = ", ".join(f"{frequency:.4g}" for frequency in frequencies[:_MOST_FREQUENCIES])
@@ -135,7 +132,7 @@ def _about_closed(arm: Arm, q: FloatArray) -> Rows:
 
 
 def _about_vibration(
-    arm: Arm, angles: FloatArray | None = None, sample_time: float | None = None
+    arm: fa.Arm, angles: FloatArray | None = None, sample_time: float | None = None
 ) -> Rows:
     """Return the frequencies with locked joints at ``angles``, rad, and suitable sample times."""
     from flexarm.control.analysis.margins import (
@@ -143,11 +140,10 @@ def _about_vibration(
         controlled_modes,
         recommended_sample_time,
     )
-    from flexarm.linear import modes
 
     if arm.closure_rows:
         return [("frequencies", "depend on the posture that closes the loops: check a scenario")]
-    frequencies = modes(arm, angles).frequency_hz
+    frequencies = fa.modes(arm, angles).frequency_hz
     frequencies = frequencies[frequencies > 0.0]
     if not frequencies.size:
         return []
@@ -167,7 +163,7 @@ def _about_vibration(
     return rows
 
 
-def _about_integrator(arm: Arm, options: Mapping[str, Any] | None = None) -> Rows:
+def _about_integrator(arm: fa.Arm, options: Mapping[str, Any] | None = None) -> Rows:
     """Return the integrator of a run with these arguments of ``simulate``, and the reason."""
     # Without arguments, it is that of an arm which moves freely for one second.
     from flexarm.simulation.calls.preparation import integrator_of

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import flexarm as fa
 from flexarm.base.errors import FlexarmWarning, InputError, Problem
 from flexarm.cli.commands.sweep import (
     draw_samples,
@@ -91,9 +92,7 @@ def compare(
         warn(text)
     _save(table, out)
     if plot is not None:
-        from flexarm.view.plot.comparison import comparison_figure
-
-        save_figure(comparison_figure(table), plot)
+        save_figure(fa.plot.comparison_figure(table), plot)
 
 
 def _compare_samples(

@@ -6,17 +6,15 @@ import textwrap
 import warnings
 from math import isfinite, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
+import flexarm as fa
 from flexarm.base.errors import InputError, Problem, UnstableLoopWarning, shown
 from flexarm.cli.failures import FAILED_RUN, print_error
 from flexarm.cli.options import LIST, ArmFile, comma_separated, flag, option
 from flexarm.cli.tables import console, numbers, print_line
-
-if TYPE_CHECKING:
-    from flexarm.planning.proposals.design import ControllerDesign
 
 #: Columns of the margins: variable, heading, factor to the displayed unit.
 _MARGINS = (
@@ -72,11 +70,10 @@ def design(
     overwrite: Annotated[bool, flag("--overwrite", "Replace the file if it exists.")] = False,
 ) -> None:
     """Propose a controller for a task, with its margins, and write its scenario."""
-    from flexarm.arm.arm import load_arm
     from flexarm.model.file_format.files import load_hardware
     from flexarm.planning.proposals import design as proposals
 
-    loaded = load_arm(arm)
+    loaded = fa.load_arm(arm)
     places = _numbers("--start", start), _numbers("--end", end)
     limits = _numbers("--torque-limit", torque_limit)
     options: dict[str, Any] = {
@@ -125,7 +122,7 @@ def _numbers(name: str, text: str | None) -> list[float] | None:
         raise InputError(Problem(name, "be numbers separated by commas", shown(text))) from None
 
 
-def _errors_of(proposal: ControllerDesign) -> object:
+def _errors_of(proposal: fa.ControllerDesign) -> object:
     """Return the table of the errors of all candidates on the simulated arms."""
     from flexarm.planning.proposals.candidates import NOT_SIMULATED
     from flexarm.simulation.calls.metrics import length_unit

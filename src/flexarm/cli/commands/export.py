@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import flexarm as fa
 from flexarm.base.errors import FlexarmWarning, InputError
 from flexarm.cli.failures import report_failures, reported_warnings, warn
 from flexarm.cli.options import (
@@ -26,10 +27,8 @@ from flexarm.cli.tables import print_line
 if TYPE_CHECKING:
     import xarray as xr
 
-    from flexarm.arm.arm import Arm
     from flexarm.arm.assembly.assemble import FloatArray
     from flexarm.cases.scenario.scenario import Prepared
-    from flexarm.control.contract.base import Controller
 
 export = typer.Typer(help="Convert an arm for other programs.", no_args_is_help=True)
 
@@ -51,14 +50,12 @@ def export_c(
     parameters: Parameters = None,
 ) -> None:
     """Write C code: dynamics, kinematics, a step with its derivative, the controller."""
-    from flexarm.bridges.c_code.export import export_c
-
     arm, controller, _ = _arm_and_controller(file)
     controller, observer = _separated(controller)
     folder = out or file.with_name(f"{file.stem}_c")
     options: dict[str, Any] = {"name": name, "parameters": parameters or []}
     with reported_warnings():
-        files = export_c(arm, folder, **options, controller=controller, observer=observer)
+        files = fa.export_c(arm, folder, **options, controller=controller, observer=observer)
     for path in files:
         print_line(path)
     for kind, law in (("controller", controller), ("observer", observer)):
@@ -86,13 +83,11 @@ def export_fmu(
     ] = None,
 ) -> None:
     """Write an FMU for model exchange and co-simulation, with source and Linux binary."""
-    from flexarm.bridges.fmu.export import export_fmu
-
     arm, controller, (q, qd) = _arm_and_controller(file)
     options: dict[str, Any] = {"fmi": fmi, "name": name, "parameters": parameters or []}
     options |= {"controller": controller, "initial": q, "initial_rate": qd}
     with reported_warnings():
-        written = export_fmu(arm, out or file.with_suffix(".fmu"), **options)
+        written = fa.export_fmu(arm, out or file.with_suffix(".fmu"), **options)
     print_line(written)
     if controller is not None:
         print_line(f"with the controller {type(controller).__name__}")
@@ -110,18 +105,16 @@ def export_mat(
 ) -> None:
     """Write MATLAB files: a linear model, the result of a run, a function of the dynamics."""
     from flexarm.arm.bending import bending_warning
-    from flexarm.bridges.matlab.export import export_mat
-    from flexarm.linear import equilibrium, linearize
     from flexarm.simulation.calls.compare import warnings_of
 
     with warnings.catch_warnings():  # printed below in one line
         warnings.simplefilter("ignore", FlexarmWarning)
         arm, result = _arm_and_result(file)
-        rest = equilibrium(arm, joint_numbers("--angles", arm, angles, "rad"))
+        rest = fa.equilibrium(arm, joint_numbers("--angles", arm, angles, "rad"))
         signals = comma_separated(inputs), comma_separated(outputs)
-        linear = linearize(arm, rest, inputs=signals[0], outputs=signals[1])
+        linear = fa.linearize(arm, rest, inputs=signals[0], outputs=signals[1])
     place = out or file.with_suffix(".mat")
-    files = export_mat(arm, place, linear=linear, result=result, parameters=parameters or [])
+    files = fa.export_mat(arm, place, linear=linear, result=result, parameters=parameters or [])
     texts = [bending_warning(arm, rest.q), *([] if result is None else warnings_of(result))]
     for text in filter(None, texts):
         warn(text)
@@ -133,11 +126,8 @@ def _add_chain_command(kind: str, suffix: str, product: str) -> None:
     """Add the command that writes an arm as a chain of rigid bodies for another program."""
 
     def command(arm: ArmFile, out: _Out = None, virtual_joints: _VirtualJoints = 4) -> None:
-        from flexarm.arm.arm import load_arm
-        from flexarm.bridges.rigid_chain import export as chain
-
-        place, write = out or arm.with_suffix(suffix), getattr(chain, f"export_{kind}")
-        print_line(write(load_arm(arm), place, virtual_joints=virtual_joints))
+        place, write = out or arm.with_suffix(suffix), getattr(fa, f"export_{kind}")
+        print_line(write(fa.load_arm(arm), place, virtual_joints=virtual_joints))
 
     command.__name__ = f"export_{kind}"
     command.__doc__ = f"Write {product}: links as rigid bars on virtual joints."
@@ -149,7 +139,7 @@ _add_chain_command("urdf", ".urdf", "a robot in URDF")
 _add_chain_command("exudyn", ".py", "a Python script for Exudyn")
 
 
-def _separated(controller: Controller | None) -> tuple[Controller | None, Any]:
+def _separated(controller: fa.Controller | None) -> tuple[fa.Controller | None, Any]:
     """Return a controller and its filter, which are two functions in C."""
     from flexarm.control.filters.estimator_controller import EstimatorController
 
@@ -159,15 +149,14 @@ def _separated(controller: Controller | None) -> tuple[Controller | None, Any]:
     return controller.inner, controller.estimator
 
 
-def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None, FloatArray]:
+def _arm_and_controller(path: Path) -> tuple[fa.Arm, fa.Controller | None, FloatArray]:
     """Return the arm of a file, the controller of a scenario, and the initial q and qd."""
     import numpy as np
 
-    from flexarm.arm.arm import Arm
     from flexarm.simulation.calls.preparation import start_of
 
     prepared = _described(path)
-    if isinstance(prepared, Arm):
+    if isinstance(prepared, fa.Arm):
         return prepared, None, np.zeros((2, prepared.dof))
     arm, options = prepared.arm, prepared.options
     names = ("initial", "initial_rate", "reference", "torque")
@@ -175,25 +164,23 @@ def _arm_and_controller(path: Path) -> tuple[Arm, Controller | None, FloatArray]
     return arm, options.get("controller"), state.reshape(2, -1)[:, arm.assembly.coordinates]
 
 
-def _arm_and_result(path: Path) -> tuple[Arm, xr.Dataset | None]:
+def _arm_and_result(path: Path) -> tuple[fa.Arm, xr.Dataset | None]:
     """Return the arm of a file, and the result of a scenario or of a result file."""
-    from flexarm.arm.arm import Arm
-    from flexarm.cases.results import read_result
     from flexarm.simulation.calls.result import arm_of
 
     if path.suffix.lower() == ".nc":
-        result = read_result(path)
+        result = fa.read_result(path)
         try:
             return arm_of("the file", result), result
         except InputError as error:
             raise error.at(str(path)) from None
     prepared = _described(path)
-    if isinstance(prepared, Arm):
+    if isinstance(prepared, fa.Arm):
         return prepared, None
     return prepared.arm, prepared.run()
 
 
-def _described(path: Path) -> Arm | Prepared:
+def _described(path: Path) -> fa.Arm | Prepared:
     """Return the arm of a file, or its scenario, ready to run."""
     from flexarm.arm.arm import described_arm
     from flexarm.cases.scenario.scenario import prepare

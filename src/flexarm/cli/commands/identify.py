@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Annotated
 
+import flexarm as fa
 from flexarm.base.errors import AccuracyWarning, ConvergenceWarning, IdentifiabilityWarning
 from flexarm.cli.failures import warn
 from flexarm.cli.options import argument, check_places, flag, option
@@ -24,7 +25,6 @@ def identify(
     ] = False,
 ) -> None:
     """Estimate parameters of an arm from measured records."""
-    from flexarm.cases.results import write_result
     from flexarm.identification.commission import commissioned
     from flexarm.identification.identify import PreparedIdentification
     from flexarm.identification.result import (
@@ -64,5 +64,5 @@ def identify(
         identification.write(out)
         print_line(f"arm in {out}")
     if result is not None:
-        write_result(identification.to_dataset(), result)
+        fa.write_result(identification.to_dataset(), result)
         print_line(f"result in {result}")

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+import flexarm as fa
 from flexarm.cli.failures import warn
 from flexarm.cli.options import (
     Angles,
@@ -22,9 +23,6 @@ from flexarm.cli.options import (
     option,
 )
 from flexarm.cli.tables import console, facts, numbers, print_line, save_figure
-
-if TYPE_CHECKING:
-    from flexarm.linear import LinearModel
 
 #: Poles below this fraction of the largest are zero to rounding.
 _ROUNDING = 1e-7
@@ -40,18 +38,16 @@ def linearize(
     plot: Annotated[Path | None, option("FILE", "Save the responses: .png, .pdf or .svg.")] = None,
 ) -> None:
     """Compute a linear model of an arm at rest: A, B, C, D and their poles."""
-    from flexarm import linear
-    from flexarm.arm.arm import load_arm
     from flexarm.arm.bending import one_warning
-    from flexarm.cases.results import FIGURE_SUFFIXES, MODEL_SUFFIXES, save_linear
+    from flexarm.cases.results import FIGURE_SUFFIXES, MODEL_SUFFIXES
 
-    loaded = load_arm(arm)
+    loaded = fa.load_arm(arm)
     posture = joint_numbers("--angles", loaded, angles, "rad")
     check_places(("--out", out, MODEL_SUFFIXES), ("--plot", plot, FIGURE_SUFFIXES))
     driven, observed = comma_separated(inputs), comma_separated(outputs)
     with one_warning() as warnings:  # printed below in one line
-        rest = linear.equilibrium(loaded, posture)
-        model = linear.linearize(loaded, rest, inputs=driven, outputs=observed)
+        rest = fa.equilibrium(loaded, posture)
+        model = fa.linearize(loaded, rest, inputs=driven, outputs=observed)
     if warning := next(filter(None, warnings), ""):
         warn(warning)
     torque = listed(rest.torque.tolist())
@@ -69,19 +65,17 @@ def linearize(
     heads = ("real [1/s]", "imaginary [1/s]", "[Hz]", "damping [%]")
     screen.print(numbers("Poles", heads, islice(_poles(model), count)))
     if out is not None:
-        save_linear(model, out)
+        fa.save_linear(model, out)
         print_line(f"model in {out}")
     if plot is not None:
-        from flexarm.view.plot.vibration import response_figure
-
-        save_figure(response_figure(model), plot, "responses")
+        save_figure(fa.plot.response_figure(model), plot, "responses")
 
 
 def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
 
 
-def _poles(model: LinearModel) -> Iterator[tuple[str, str, str, str]]:
+def _poles(model: fa.LinearModel) -> Iterator[tuple[str, str, str, str]]:
     """Yield the rows of the poles, the slowest first, one per conjugate pair."""
     import numpy as np
 

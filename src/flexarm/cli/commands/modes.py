@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+import flexarm as fa
 from flexarm.base.errors import InputError, Problem
 from flexarm.cli.failures import warn
 from flexarm.cli.options import (
@@ -25,8 +26,6 @@ from flexarm.cli.options import (
 from flexarm.cli.tables import console, numbers, print_line, save_figure
 
 if TYPE_CHECKING:
-    from flexarm.arm.arm import Arm
-    from flexarm.linear import Modes, ModeTracks
     from flexarm.linear.vibration.modal import Joints
 
 #: Samples along a range of postures or spins, and stride of the printed rows.
@@ -65,7 +64,6 @@ def modes(
     """Show natural frequencies and damping of an arm at rest, or along postures or spins."""
     import numpy as np
 
-    from flexarm import linear
     from flexarm.arm.arm import described_arm
     from flexarm.arm.bending import one_warning
     from flexarm.cases.results import FIGURE_SUFFIXES
@@ -78,21 +76,21 @@ def modes(
     _check_together(sag, spin, to, campbell)
     if campbell is not None:
         spins = np.linspace(spin, campbell, _SAMPLES)
-        tracks = linear.campbell(model, spins, posture, condition, count=count)
+        tracks = fa.campbell(model, spins, posture, condition, count=count)
         _show_tracks(tracks, text, csv, plot)
     elif to is not None:
         postures = np.linspace(posture, joint_numbers("--to", model, to, "rad"), _SAMPLES)
-        tracks = linear.track_modes(model, postures, condition, count=count, sag=sag)
+        tracks = fa.track_modes(model, postures, condition, count=count, sag=sag)
         _show_tracks(tracks, text, csv, plot)
     else:
         with one_warning() as warnings:  # printed below in one line
             if model.closure_rows:  # near the angles
-                q = linear.assembled(model, model.rest(posture or np.zeros(model.n_joints))).q
-                state = linear.equilibrium(model, start=q) if sag else q
-                vibration = linear.modes(model, None, condition, q=state)
+                q = fa.assembled(model, model.rest(posture or np.zeros(model.n_joints))).q
+                state = fa.equilibrium(model, start=q) if sag else q
+                vibration = fa.modes(model, None, condition, q=state)
             else:
-                about = linear.equilibrium(model, posture) if sag else posture
-                vibration = linear.modes(model, about, condition, spin=spin)
+                about = fa.equilibrium(model, posture) if sag else posture
+                vibration = fa.modes(model, about, condition, spin=spin)
         if warning := next(filter(None, warnings), ""):
             warn(warning)
         place = f", at {listed(posture)} rad" if posture else ""
@@ -102,7 +100,7 @@ def modes(
 
 
 def _joints(
-    arm: Arm, state: JointState | None, proportional: str | None, derivative: str | None
+    arm: fa.Arm, state: JointState | None, proportional: str | None, derivative: str | None
 ) -> tuple[Joints, str]:
     """Return the condition of the joints, and its text for a title."""
     if proportional is None and derivative is None:
@@ -127,7 +125,7 @@ def _check_together(sag: bool, spin: float, to: str | None, campbell: float | No
         raise InputError(Problem("--campbell", rule, f"{campbell:g}"))
 
 
-def _show(vibration: Modes, title: str, count: int, csv: Path | None, plot: Path | None) -> None:
+def _show(vibration: fa.Modes, title: str, count: int, csv: Path | None, plot: Path | None) -> None:
     """Print the lowest modes, and write the requested files."""
     frequencies = vibration.frequency_hz
     heads = ("mode", "frequency [Hz]", "period [s]", "damping ratio [%]")
@@ -147,12 +145,10 @@ def _show(vibration: Modes, title: str, count: int, csv: Path | None, plot: Path
         }
         _save_table(columns, csv, f"all {frequencies.size} modes")
     if plot is not None:
-        from flexarm.view.plot.vibration import modes_figure
-
-        save_figure(modes_figure(vibration, count), plot, "shapes")
+        save_figure(fa.plot.modes_figure(vibration, count), plot, "shapes")
 
 
-def _row(vibration: Modes, k: int) -> tuple[str, str, str, str]:
+def _row(vibration: fa.Modes, k: int) -> tuple[str, str, str, str]:
     frequency, ratio = vibration.frequency_hz[k], vibration.damping_ratio[k]
     if vibration.squared_frequency[k] < 0.0:
         return str(k + 1), "unstable", "-", "-"
@@ -162,7 +158,7 @@ def _row(vibration: Modes, k: int) -> tuple[str, str, str, str]:
     return str(k + 1), f"{frequency:.6g}", f"{1.0 / frequency:.4g}", f"{percent:.4g}"
 
 
-def _show_tracks(tracks: ModeTracks, joints: str, csv: Path | None, plot: Path | None) -> None:
+def _show_tracks(tracks: fa.ModeTracks, joints: str, csv: Path | None, plot: Path | None) -> None:
     """Print every tenth sample of tracked modes, and write the requested files."""
     unit = f" [{tracks.parameter_unit}]" if tracks.parameter_unit else ""
     name, along = f"{tracks.parameter_name}{unit}", tracks.parameter
@@ -185,9 +181,7 @@ def _show_tracks(tracks: ModeTracks, joints: str, csv: Path | None, plot: Path |
             columns |= {quantity.format(k + 1): values[:, k].tolist() for k in modes}
         _save_table(columns, csv, f"all {along.size} samples")
     if plot is not None:
-        from flexarm.view.plot.vibration import tracks_figure
-
-        save_figure(tracks_figure(tracks), plot)
+        save_figure(fa.plot.tracks_figure(tracks), plot)
 
 
 def _save_table(columns: Mapping[str, Sequence[float]], path: Path, content: str) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.console import Console, Group, RenderableType
 
+import flexarm as fa
 from flexarm.base.processes import process_pool, usable_cores
 from flexarm.cli.options import flag, option
 from flexarm.cli.tables import console, numbers, print_line
@@ -100,7 +101,6 @@ def paper(
         template_engine()
     with drawing() as draw:
         # Import here, because the other processes load Matplotlib at the same time.
-        from flexarm.cases.results import write_result
         from flexarm.view.paper import FAST, SLOW, PaperCase, histories
         from flexarm.view.plot.paper.paper_data import FIGURE_NAMES
 
@@ -115,21 +115,16 @@ def paper(
         draw(["theories"], compared, out)
         text = Group(*_report(slow, fast))
         console().print(text)
-        write_result(slow.flexible, out / "result.nc")
-        write_result(slow.rigid, out / "result_rigid.nc")
+        fa.write_result(slow.flexible, out / "result.nc")
+        fa.write_result(slow.rigid, out / "result_rigid.nc")
         write_text(_as_text(text), out / "numbers.txt")
         arm = (files("flexarm") / "library" / "paper.yaml").read_text(encoding="utf-8")
         write_text(arm, out / "paper.yaml")
         if report:
-            _write_report(slow, _as_text(text), out / "report.html")
+            title, notes = "The paper's arm along a line", _as_text(text)
+            place = out / "report.html"
+            fa.report(slow.flexible, place, title=title, notes=notes, rigid=slow.rigid)
     print_line(f"figures, data and numbers in {out}")
-
-
-def _write_report(case: PaperCase, numbers: str, path: Path) -> None:
-    from flexarm.view.reporting import report
-
-    title = "The paper's arm along a line"
-    report(case.flexible, path, title=title, notes=numbers, rigid=case.rigid)
 
 
 def _report(slow: PaperCase, fast: PaperCase) -> Iterator[RenderableType]:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+import flexarm as fa
 from flexarm.base.errors import InputError
 from flexarm.cli.options import argument, flag, option
 from flexarm.cli.tables import print_line
@@ -31,14 +32,12 @@ def report(
 ) -> None:
     """Write a report of a run or an identification: one HTML page with all numbers."""
     from flexarm.base.writing.places import check_place
-    from flexarm.cases.results import read_result
     from flexarm.identification.result import is_identification
-    from flexarm.view import reporting
     from flexarm.view.plot.drawn_result import check_drawable
     from flexarm.view.reporting import template_engine
 
     template_engine()
-    dataset = read_result(result)
+    dataset = fa.read_result(result)
     if not is_identification(dataset):
         try:
             check_drawable("the file", dataset)
@@ -46,5 +45,5 @@ def report(
             raise error.at(str(result)) from None
     place = check_place("--out", out or result.with_suffix(".html"), (".html",))
     options: dict[str, Any] = {"magnify": "auto" if magnify is None else magnify, "rigid": rigid}
-    reporting.report(dataset, place, title=title or result.stem, **options)
+    fa.report(dataset, place, title=title or result.stem, **options)
     print_line(f"report in {place}")

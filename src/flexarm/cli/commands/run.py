@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import flexarm as fa
 from flexarm.base.errors import FlexarmWarning, InputError, SimulationError
 from flexarm.cli.failures import collected_warnings, print_error, warn
 from flexarm.cli.options import Plot, Sets, argument, check_places, flag, option
@@ -101,19 +102,15 @@ def run(
 
 def _written(result: xr.Dataset, files: Mapping[str, Path]) -> Iterator[str]:
     """Write the requested files; yield a line about each."""
-    from flexarm.cases.results import write_figure, write_result
+    from flexarm.cases.results import write_figure
 
     for name, path in files.items():
         if name == "result":
-            write_result(result, path)
+            fa.write_result(result, path)
         elif name == "plot":
-            from flexarm.view.plot.histories import signals_figure
-
-            write_figure(signals_figure(result), path)
+            write_figure(fa.plot.signals_figure(result), path)
         else:
-            from flexarm.view.plot.animation import animate
-
-            animate(result, path)
+            fa.animate(result, path)
         yield f"{name} in {path}"
 
 
@@ -164,11 +161,9 @@ def _largest_deflection(result: xr.Dataset) -> NDArray[Any]:
 
 def _save_beginning(result: xr.Dataset, out: Path) -> None:
     """Save the samples of a run up to its failure."""
-    from flexarm.cases.results import write_result
-
     path = out.with_name(f"{out.stem}.partial{out.suffix}")
     try:
-        write_result(result, path)
+        fa.write_result(result, path)
     except InputError as error:
         print_error(str(error))  # the error of the run is more important and follows
     else:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import flexarm as fa
 from flexarm.base.arguments import check_choice
 from flexarm.base.errors import InputError, Problem, SimulationError, shown
 from flexarm.cli.failures import reported_warnings, warn
@@ -16,8 +17,6 @@ from flexarm.cli.tables import console, numbers, print_line, save_figure
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from flexarm.cases.studies.study import Study
 
 #: Columns of the printed table: metric, heading, factor to the displayed unit.
 _COLUMNS = (
@@ -91,21 +90,17 @@ def sweep(
         console().print(f"{min(_REPEATED, table.sizes['sample'])} samples repeated: identical")
 
 
-def read_study_file(path: Path) -> Study:
+def read_study_file(path: Path) -> fa.Study:
     """Read the file of a study; print the warnings."""
-    from flexarm.cases.studies.study import Study
-
     with reported_warnings():
-        return Study(path)
+        return fa.Study(path)
 
 
 def print_statistics(
     table: xr.Dataset, limits: dict[str, float], nominal: xr.Dataset | None = None
 ) -> None:
     """Print the statistics of a study, by ratios to ``nominal``, and the first failures."""
-    from flexarm.cases.studies.statistics import study_statistics
-
-    statistics = study_statistics(table, _QUANTILES, limits=limits, nominal=nominal)
+    statistics = fa.study_statistics(table, _QUANTILES, limits=limits, nominal=nominal)
     if nominal is not None:
         statistics["nominal"] = 1e3 * nominal["tip_error_rms"]
     for reference in statistics["reference"].values:
@@ -115,7 +110,7 @@ def print_statistics(
             warn(text)
 
 
-def print_rare_failures(study: Study, workers: int | None) -> None:
+def print_rare_failures(study: fa.Study, workers: int | None) -> None:
     """Estimate the probabilities of rare failures and print them."""
     with reported_warnings():
         table = study.rare_failures(workers=workers)
@@ -134,9 +129,7 @@ def print_rare_failures(study: Study, workers: int | None) -> None:
 def draw_samples(table: xr.Dataset, plot: Path | None) -> None:
     """Write the figure of the samples, if requested."""
     if plot is not None:
-        from flexarm.view.plot.comparison import samples_figure
-
-        save_figure(samples_figure(table), plot)
+        save_figure(fa.plot.samples_figure(table), plot)
 
 
 def limits_of(texts: Sequence[str] | None) -> dict[str, float]:
