@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import flexarm as fa
 from flexarm.cli.main import app
-from flexarm.model import StudySpec, locate_study, save_scenario
+from flexarm.model import StudySpec, file_text, locate_study
 
 STUDY = """\
 flexarm: 1
@@ -276,7 +276,7 @@ def test_check_names_pressing_and_shaped_motions(tmp_path):
     path.write_text(PRESSING)
     study, _ = locate_study(path)
     for motion, words in (("wipe", "in 0.3 s, within reach, pressing"), ("free", "with shaping")):
-        save_scenario(study.scenario("hybrid", motion), path)
+        path.write_text(file_text(study.scenario("hybrid", motion)), encoding="utf-8")
         result = call("check", path)
         assert result.exit_code == 0, result.output
         assert words in " ".join(result.output.split())

@@ -12,7 +12,7 @@ from flexarm.cases.scenario.scenario import FILTERS
 from flexarm.control.contract.base import Controller, has_poles
 from flexarm.control.hardware.measurement import Measurement
 from flexarm.control.laws import CONTROLLERS
-from flexarm.model import Scenario, load_scenario, save_scenario
+from flexarm.model import Scenario, file_text, load_scenario
 from flexarm.model.checks import descriptions_of
 from flexarm.model.drives import CONTROLLED, FilterSpec
 
@@ -348,5 +348,5 @@ def test_file_gives_the_same_run(name, arm, tmp_path):
     by_hand = fa.simulate(plant, 0.1, controller=controller, reference=motion(arm))
     np.testing.assert_array_equal(fa.run_scenario(scenario).torque, by_hand.torque)
     path = tmp_path / "scenario.yaml"
-    save_scenario(scenario, path)
+    path.write_text(file_text(scenario), encoding="utf-8")
     assert load_scenario(path).drive == scenario.drive

@@ -13,7 +13,7 @@ from flexarm.model import Scenario, StudySpec
 from flexarm.model.checks import Record
 from flexarm.model.wording import look
 from flexarm.view.studio.state import KIND, NEW, PRESET, TABLE, WAY, WORDS, Project, open_bytes
-from flexarm.view.studio.values.fields import SAMPLED, Field, groups_of
+from flexarm.view.studio.values.fields import SAMPLED, Field, fields_in, groups_of
 from flexarm.view.studio.values.forms import Forms, forms_of
 
 #: A scenario in which a contact, instruments and a controller are possible.
@@ -65,7 +65,7 @@ def keys_of(root: type[Record]) -> set[tuple[str, str]]:
 def shown(project: Project) -> Iterator[tuple[tuple[str, str], Field]]:
     """Yield class and name of each key that a field shows, or that contains it, and the field."""
     for group in groups_of(project):
-        for field in group.fields:
+        for field in fields_in(group.entries):
             value: Any = project.record
             *path, last = project.placed(field.path)
             for part in (*path, last):

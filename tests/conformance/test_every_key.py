@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import flexarm as fa
-from flexarm.model import InitialState, RunSpec, Scenario, load_scenario, save_scenario
+from flexarm.model import Scenario, file_text, load_scenario
+from flexarm.model.scenarios.scenario import InitialState, RunSpec
 
 LINK = {"length": 0.8, "flexural_rigidity": 90.0, "mass_per_length": 0.5, "elements": 1}
 ARM = {
@@ -109,6 +110,6 @@ def test_key_has_an_effect(key):
 @pytest.mark.parametrize("key", CASES)
 def test_key_is_kept_in_a_file(key, tmp_path):
     scenario = with_key(key)
-    save_scenario(scenario, tmp_path / "run.yaml")
+    (tmp_path / "run.yaml").write_text(file_text(scenario), encoding="utf-8")
     assert load_scenario(tmp_path / "run.yaml") == scenario
     assert scenario != without(key)

@@ -5,8 +5,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from flexarm.model import MATERIALS, Box, Circle, Link, Rectangle, Tube
-from flexarm.model.arm.links import Section
+from flexarm.model import Box, Circle, Link, Rectangle, Tube
+from flexarm.model.arm.links import MATERIALS, Section
 from unit.model.model_strategies import SECTIONS
 
 #: Kinds of the sections of files.

@@ -8,8 +8,8 @@ import pytest
 
 import flexarm as fa
 from flexarm.base.errors import InputError, check_array, public_call, public_call_as
-from flexarm.model import RunSpec
 from flexarm.model.quantities import Count, Flag, Number
+from flexarm.model.scenarios.scenario import RunSpec
 
 
 @public_call

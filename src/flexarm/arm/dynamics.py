@@ -412,7 +412,6 @@ class _Jacobian(KernelView):
         self.places_torque = kept[:, None] * n + assembly.joint_body
 
     def fill(self, state: FloatArray, torque: FloatArray, placed: Loads) -> None:
-        """Compute ``by_state`` and ``by_torque``."""
         self._state[...], self._torque[...] = state, torque
         jacobians = self.by_state, self.by_torque
         self.call(forward_jacobian, self._state, self._torque, placed, self.work, *jacobians)

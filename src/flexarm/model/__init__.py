@@ -7,7 +7,6 @@ from flexarm.model.arm.joints import Friction as Friction
 from flexarm.model.arm.joints import Joint as Joint
 from flexarm.model.arm.joints import JointLimits as JointLimits
 from flexarm.model.arm.joints import Winding as Winding
-from flexarm.model.arm.links import MATERIALS as MATERIALS
 from flexarm.model.arm.links import Box as Box
 from flexarm.model.arm.links import Circle as Circle
 from flexarm.model.arm.links import Gauge as Gauge
@@ -22,8 +21,6 @@ from flexarm.model.arm.mechanism import Base as Base
 from flexarm.model.arm.mechanism import Closure as Closure
 from flexarm.model.arm.mechanism import Payload as Payload
 from flexarm.model.arm.spec import ArmSpec as ArmSpec
-from flexarm.model.drives import NoDrive as NoDrive
-from flexarm.model.drives import RigidInverseDynamicsDrive as RigidInverseDynamicsDrive
 from flexarm.model.drives import TorqueDrive as TorqueDrive
 from flexarm.model.environment import AccelerationTable as AccelerationTable
 from flexarm.model.environment import Change as Change
@@ -38,7 +35,6 @@ from flexarm.model.file_format.files import load_scenario as load_scenario
 from flexarm.model.file_format.files import locate_scenario as locate_scenario
 from flexarm.model.file_format.files import locate_study as locate_study
 from flexarm.model.file_format.files import save_arm_spec as save_arm_spec
-from flexarm.model.file_format.files import save_scenario as save_scenario
 from flexarm.model.file_format.files import scenario_of_text as scenario_of_text
 from flexarm.model.hardware import Hardware as Hardware
 from flexarm.model.hardware import InertialSensor as InertialSensor
@@ -48,17 +44,11 @@ from flexarm.model.hardware import Motors as Motors
 from flexarm.model.hardware import Sensor as Sensor
 from flexarm.model.identification import Filter as Filter
 from flexarm.model.identification import FreeParameter as FreeParameter
-from flexarm.model.scenarios.motions import JointMotionSpec as JointMotionSpec
-from flexarm.model.scenarios.motions import LineMotionSpec as LineMotionSpec
 from flexarm.model.scenarios.scenario import EventSpec as EventSpec
-from flexarm.model.scenarios.scenario import FollowingJoint as FollowingJoint
 from flexarm.model.scenarios.scenario import HeldJoint as HeldJoint
-from flexarm.model.scenarios.scenario import InitialState as InitialState
 from flexarm.model.scenarios.scenario import JointEvent as JointEvent
-from flexarm.model.scenarios.scenario import RunSpec as RunSpec
 from flexarm.model.scenarios.scenario import Scenario as Scenario
 from flexarm.model.scenarios.scenario import TabulatedJoint as TabulatedJoint
-from flexarm.model.scenarios.scenario import TipEvent as TipEvent
 from flexarm.model.scenarios.study import PlantSpec as PlantSpec
 from flexarm.model.scenarios.study import StudySpec as StudySpec
 from flexarm.model.surfaces import RoundWall as RoundWall

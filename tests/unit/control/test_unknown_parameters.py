@@ -13,7 +13,7 @@ import flexarm as fa
 from flexarm.cases.results import write_result
 from flexarm.cases.scenario.scenario import FILTERS
 from flexarm.linear.step_derivatives.sampled_step import SampledStep
-from flexarm.model import Scenario, load_scenario, save_scenario
+from flexarm.model import Scenario, file_text, load_scenario
 from flexarm.model.drives import FilterSpec
 from flexarm.model.paths import with_numbers
 
@@ -255,7 +255,7 @@ def test_files_name_the_kind_of_the_filter(kind, tmp_path):
         },
         run={"duration": 0.04},
     )
-    save_scenario(scenario, tmp_path / "scenario.yaml")
+    (tmp_path / "scenario.yaml").write_text(file_text(scenario), encoding="utf-8")
     run = fa.run_scenario(load_scenario(tmp_path / "scenario.yaml"))
     wanted = fa.simulate(
         arm,

@@ -10,30 +10,22 @@ from flexarm.model import (
     Circle,
     Closure,
     FactorTable,
-    FollowingJoint,
     Friction,
     Gauge,
     HeldJoint,
-    InitialState,
     Joint,
     JointEvent,
-    JointMotionSpec,
-    LineMotionSpec,
     Link,
     Load,
     Material,
     ModalDamping,
-    NoDrive,
     Payload,
     RayleighDamping,
     Rectangle,
-    RigidInverseDynamicsDrive,
     RoundWall,
-    RunSpec,
     Scenario,
     SectionTable,
     TabulatedJoint,
-    TipEvent,
     TorqueDrive,
     Tube,
     Winding,
@@ -41,18 +33,23 @@ from flexarm.model import (
 from flexarm.model.drives import (
     CONTROLLED,
     FilterSpec,
+    NoDrive,
+    RigidInverseDynamicsDrive,
     balances,
 )
 from flexarm.model.hardware import Instrument
 from flexarm.model.scenarios.motions import (
     CircleMotionSpec,
     ForceTable,
+    JointMotionSpec,
+    LineMotionSpec,
     PressedMotionSpec,
     ShapingSpec,
     SmoothingSpec,
     SplineMotionSpec,
     ViaPointMotionSpec,
 )
+from flexarm.model.scenarios.scenario import FollowingJoint, InitialState, RunSpec, TipEvent
 
 numbers = st.floats(-1e6, 1e6)
 positive = st.floats(1e-6, 1e6)

@@ -15,9 +15,9 @@ from flexarm.model import (
     Link,
     Load,
     Scenario,
+    file_text,
     json_schema,
     load_scenario,
-    save_scenario,
 )
 
 LINK = Link(length=1, flexural_rigidity=1, mass_per_length=1)
@@ -259,7 +259,7 @@ def test_load_without_a_force_or_moment_is_rejected_but_zero_is_kept(tmp_path):
     with pytest.raises(ModelError, match="Load: force is required if there is no moment"):
         Load(1)
     still = scenario(loads=[Load(1, (0.0, 0.0)), Load(1, moment=0.0)])
-    save_scenario(still, tmp_path / "still.yaml")
+    (tmp_path / "still.yaml").write_text(file_text(still), encoding="utf-8")
     assert load_scenario(tmp_path / "still.yaml") == still
 
 

@@ -12,10 +12,10 @@ from flexarm.model import (
     Joint,
     Link,
     Scenario,
+    file_text,
     load_arm_spec,
     load_scenario,
     save_arm_spec,
-    save_scenario,
 )
 
 relaxed = settings(
@@ -45,7 +45,7 @@ def test_file_of_a_mechanism_is_read_back_equal(spec, tmp_path):
 @relaxed
 @given(scenario=scenarios())
 def test_scenario_file_is_read_back_equal(scenario, tmp_path):
-    save_scenario(scenario, tmp_path / "run.yaml")
+    (tmp_path / "run.yaml").write_text(file_text(scenario), encoding="utf-8")
     assert load_scenario(tmp_path / "run.yaml") == scenario
     assert load_arm_spec(tmp_path / "run.yaml") == scenario.arm
 

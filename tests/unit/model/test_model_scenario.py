@@ -2,15 +2,9 @@
 
 import numpy as np
 
-from flexarm.model import (
-    ArmSpec,
-    InitialState,
-    Link,
-    NoDrive,
-    RunSpec,
-    Scenario,
-    TorqueDrive,
-)
+from flexarm.model import ArmSpec, Link, Scenario, TorqueDrive
+from flexarm.model.drives import NoDrive
+from flexarm.model.scenarios.scenario import InitialState, RunSpec
 
 LINK = Link(length=1, flexural_rigidity=1, mass_per_length=1)
 ARM = ArmSpec(links=[LINK, LINK])

@@ -7,15 +7,8 @@ import numpy as np
 import pytest
 
 from flexarm.base.errors import ModelError
-from flexarm.model import (
-    MATERIALS,
-    Box,
-    Circle,
-    Link,
-    Rectangle,
-    SectionTable,
-    Tube,
-)
+from flexarm.model import Box, Circle, Link, Rectangle, SectionTable, Tube
+from flexarm.model.arm.links import MATERIALS
 
 
 def test_thin_walls_are_accurate():

@@ -4,17 +4,8 @@ import numpy as np
 import pytest
 
 from flexarm.base.errors import ModelError
-from flexarm.model import (
-    MATERIALS,
-    Box,
-    Circle,
-    Link,
-    Material,
-    Rectangle,
-    SectionTable,
-    Tube,
-    json_schema,
-)
+from flexarm.model import Box, Circle, Link, Material, Rectangle, SectionTable, Tube, json_schema
+from flexarm.model.arm.links import MATERIALS
 
 CONSTANTS = {"length": 2.0, "flexural_rigidity": 3.0, "mass_per_length": 0.5}
 TABLE = {"x": [0, 2], "flexural_rigidity": [3, 1], "mass_per_length": [0.5, 0.2]}

@@ -58,22 +58,22 @@ def test_newest_request_of_a_window_replaces_the_waiting_one(shared):
 def test_superseded_run_is_stopped_and_the_next_one_computed(shared):
     inbox = Inbox()
     long = shared.submit("window", "sleep 0.9", inbox)
-    before = shared.process_id
+    before = shared._process
     last = shared.submit("window", "z", inbox)
     inbox.wait_for(last, "z")
-    assert (long, "s") not in inbox.parts or before == shared.process_id
+    assert (long, "s") not in inbox.parts or before is shared._process
 
 
 def test_request_is_stopped_by_a_more_important_one_but_does_not_stop_it(shared):
     inbox, beside = Inbox(), Inbox()
     long = shared.submit("margins", "sleep 0.9", beside, after="window")
-    before = shared.process_id
+    before = shared._process
     while shared._waiting:  # until it runs
         time.sleep(0.01)
     last = shared.submit("window", "sleep 0.5", inbox)
     shared.submit("margins", "m", beside, after="window")
     inbox.wait_for(last, "p")
-    assert (long, "s") not in beside.parts or before == shared.process_id
+    assert (long, "s") not in beside.parts or before is shared._process
     assert inbox.parts == [(last, part) for part in "sleep"]
 
 
@@ -112,5 +112,5 @@ def test_closing_ends_the_process():
     inbox = Inbox()
     worker.submit("window", "sleep 1e6", inbox)
     worker.close()
-    assert worker.process_id is None
+    assert worker._process is None
     assert inbox.parts == []

@@ -7,8 +7,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.surface import (
     COUNT,
     CURVATURE,
@@ -21,8 +21,6 @@ from flexarm.model.surfaces import RoundWall, Surface, SurfaceTable, Wall
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
-
-FloatArray = NDArray[np.float64]
 
 
 def surface_rows(surfaces: Sequence[Surface]) -> tuple[FloatArray, FloatArray]:

@@ -182,11 +182,6 @@ def save_arm_spec(spec: ArmSpec, path: AnyPath) -> None:
     write_text(file_text(spec), path)
 
 
-def save_scenario(scenario: Scenario, path: AnyPath) -> None:
-    """Write a scenario file that contains the arm, completely or not at all."""
-    write_text(file_text(scenario), path)
-
-
 def file_text(record: ArmSpec | Scenario | StudySpec) -> str:
     """Return the YAML text of an arm file, a scenario file or a study file."""
     content = content_of(record)

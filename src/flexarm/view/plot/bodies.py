@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import station_of
 from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, public_call_as
@@ -15,7 +16,6 @@ from flexarm.simulation.calls.result import arm_of
 from flexarm.view.plot import style
 from flexarm.view.plot.drawn_result import (
     STATIONS,
-    FloatArray,
     at_times,
     check_drawable,
     deflections,
@@ -104,7 +104,7 @@ def _draw_arms(
     """Draw shapes (k, links, stations, 2) with inner joints as dots; the last one has a label."""
     for k, (links, look) in enumerate(zip(shapes, looks, strict=True)):
         label = name if k == len(shapes) - 1 else "_"
-        panel.plot(*joined(arm, links[None])[0].T, **{**look, "label": label})
+        panel.plot(*joined(arm.spec.is_serial, links).T, **{**look, "label": label})
         if "linestyle" not in look:
             joints = joints_of(arm, links[None])[0, 1:]
             panel.plot(*joints.T, "o", color=look["color"], markersize=3.2, label="_")

@@ -11,9 +11,9 @@ from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm, shapes_along
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_dataset, check_kind
 from flexarm.base.errors import InputError, ModelError, Problem, nearest, shown
 from flexarm.model import Scenario, scenario_of_text
@@ -24,8 +24,6 @@ from flexarm.view.plot.magnified import Magnify, automatic, bending_of
 if TYPE_CHECKING:
     import xarray as xr
 
-
-FloatArray = NDArray[np.float64]
 
 #: Default channels of `history` and `animate`.
 USUAL = ("joint_angle", "link_tip_deflection", "torque")
@@ -264,15 +262,11 @@ def factor_of(magnify: Magnify, motions: Sequence[tuple[Arm, xr.Dataset, bool]])
     return automatic(bendings)
 
 
-def joined(arm: Arm, shapes: FloatArray) -> FloatArray:
-    """Return the lines (k, points, 2) m through shapes (k, links, stations, 2).
-
-    Of a serial arm, the links follow each other; those of another one are separated by NaN.
-    """
-    if arm.spec.is_serial:
-        return shapes.reshape(len(shapes), -1, 2)
-    gaps = np.full((*shapes.shape[:2], 1, 2), np.nan)
-    return np.concatenate([shapes, gaps], axis=2).reshape(len(shapes), -1, 2)
+def joined(serial: bool, links: FloatArray) -> FloatArray:
+    """Return the line (points, 2) through links (links, stations, 2), NaN between branches."""
+    if not serial:
+        links = np.concatenate([links, np.full((len(links), 1, 2), np.nan)], axis=1)
+    return links.reshape(-1, 2)
 
 
 def joints_of(arm: Arm, shapes: FloatArray) -> FloatArray:

@@ -8,13 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib import rc_context
-from numpy.typing import NDArray
 
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.view.plot.animation.scene import thin
 from flexarm.view.plot.drawn_result import Signals, readable_unit
 from flexarm.view.plot.style import BLUE, GREY, VERMILLION, Sheet, legend_above, margins, styled
 
-FloatArray = NDArray[np.float64]
 #: Width, height of a row, and edges (inches).
 _WIDTH, _ROW, _EDGES = 9.5, 1.7, 0.75
 #: Intervals of a history in which its peaks are kept.

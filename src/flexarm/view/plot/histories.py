@@ -251,7 +251,6 @@ def _lines(signals: Signals) -> list[tuple[Any, str, str]]:
 
 
 def _plotly() -> tuple[Any, Any]:
-    """Import Plotly."""
     try:
         from plotly import graph_objects, subplots
     except ImportError:

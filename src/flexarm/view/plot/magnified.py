@@ -13,14 +13,12 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm, shapes_along
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import station_of
 from flexarm.base.arguments import check_nonnegative
 from flexarm.base.errors import InputError, Problem, shown
-
-FloatArray = NDArray[np.float64]
 
 Magnify = float | Literal["auto"]
 MOST_MAGNIFIED = 1e4

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import station_of
 from flexarm.arm.assembly.surfaces import arc_of, course_of
 from flexarm.model import Surface, SurfaceTable, Wall
-from flexarm.view.plot.drawn_result import FloatArray
 from flexarm.view.plot.magnified import Place, point_at, segment_at
 
 

@@ -199,7 +199,6 @@ def panels(
 
 
 def _checked_axes(axes: object, count: int) -> list[Axes]:
-    """Return ``count`` Matplotlib axes as a list."""
     if isinstance(axes, np.ndarray):
         given = list(axes.ravel())
     else:

@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_kind
 from flexarm.base.errors import check_array, public_call_as
 from flexarm.linear import LinearModel, Modes, ModeTracks
 from flexarm.model.quantities import Count
 from flexarm.view.plot import style
-from flexarm.view.plot.drawn_result import FloatArray
 from flexarm.view.plot.palette import series_colors
 
 _WIDTH, _ROW, _EDGES = 8.27, 2.3, 0.85  # inches

@@ -15,9 +15,9 @@ from urllib.parse import quote
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_kind, library_missing
 from flexarm.base.errors import InputError, Problem, printable, public_call, shown
 from flexarm.base.references import citation, package_version
@@ -128,8 +128,6 @@ def clean(text: str) -> str:
     return "\n".join(map(printable, text.split("\n")))
 
 
-_FloatArray = NDArray[np.float64]
-
 #: Channels that are not in the table of extreme values.
 _ENERGIES = ("kinetic_energy", "strain_energy", "gravity_energy", "contact_energy")
 
@@ -189,7 +187,7 @@ def errors_table(result: xr.Dataset, arm: Arm, reference: Any) -> Table:
     return Table("Errors from the reference", ("", "value"), tuple(rows), notes)
 
 
-def energies(result: xr.Dataset) -> dict[str, _FloatArray]:
+def energies(result: xr.Dataset) -> dict[str, FloatArray]:
     """Return the energies of a result over time (T,) J by name, and their sum; zero ones apart."""
     parts = {}
     for name in _ENERGIES:
@@ -313,7 +311,7 @@ def error_panel(result: xr.Dataset, arm: Arm, reference: Any) -> drawn_result.Si
 
 
 def _readable(
-    name: str, unit: str, result: xr.Dataset, values: _FloatArray, *labels: str
+    name: str, unit: str, result: xr.Dataset, values: FloatArray, *labels: str
 ) -> drawn_result.Signals:
     scale, unit = drawn_result.readable_unit(unit, values)
     return drawn_result.Signals(name, result["time"].values, scale * values, unit, labels, labels)

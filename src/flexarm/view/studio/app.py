@@ -288,12 +288,10 @@ class _Window:
         )
 
     def undo(self) -> None:
-        """Return to the state before the last edit."""
         self.history.undo()
         self._refresh()
 
     def redo(self) -> None:
-        """Repeat the edit that was undone last."""
         self.history.redo()
         self._refresh()
 
@@ -499,7 +497,6 @@ def _button(text: str, help_text: str, call: Callable[[], None] | None = None) -
 
 
 def _mark(elements: Sequence[ui.element], add: str = "", remove: str = "") -> None:
-    """Add and remove classes of elements."""
     for element in elements:
         element.classes(add=add, remove=remove)
 

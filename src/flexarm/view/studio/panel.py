@@ -88,8 +88,6 @@ class Panel:
 
 
 class _GroupPanel:
-    """Controls of one group."""
-
     def __init__(self, group: Group, opened: bool, make: Callable[[Field], _Control]) -> None:
         self._make, self._latest = make, group
         self._shown: Group | None = None

@@ -87,12 +87,6 @@ class Worker:
             self._change.notify()
         self._thread.join()
 
-    @property
-    def process_id(self) -> int | None:
-        """Number of the computing process, or None while there is none."""
-        process = self._process
-        return None if process is None else process.pid
-
     def _dispatch(self) -> None:
         self._start()
         while True:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from flexarm.base.errors import InputError, Problem
 from flexarm.view.plot import style
 from flexarm.view.plot.animation.scene import Scene
+from flexarm.view.plot.drawn_result import joined
 from flexarm.view.plot.histories import draw_signals
 
 Picture = NDArray[np.uint8]
@@ -178,10 +179,10 @@ class _Arm:
             self.path.set_data(*np.vstack([scene.path[:now], tip]).T)
             yield self.path
         if scene.ghost is not None:
-            self.ghost.set_data(*self._joined(scene.ghost[frame]).T)
+            self.ghost.set_data(*joined(scene.serial, scene.ghost[frame]).T)
             yield self.ghost
         if scene.true is not None:
-            self.true.set_data(*self._joined(scene.true.links[frame]).T)
+            self.true.set_data(*joined(scene.serial, scene.true.links[frame]).T)
             yield self.true
         for line, ends in zip(self.rails, scene.marks.rails[frame], strict=True):
             line.set_data(*ends.T)
@@ -206,12 +207,6 @@ class _Arm:
             yield self.goal
         self.clock.set_text(f"t = {time:.3f} s{self.note}")
         yield self.clock
-
-    def _joined(self, links: Any) -> Any:
-        """Return the line (points, 2) through links (links, stations, 2), NaN between branches."""
-        if not self.scene.serial:
-            links = np.concatenate([links, np.full((len(links), 1, 2), np.nan)], axis=1)
-        return links.reshape(-1, 2)
 
 
 class _Cursor:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.surfaces import arc_of, course_of
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import FlexarmError, InputError, Problem
@@ -22,7 +23,6 @@ from flexarm.control.contract.base import check_reference
 from flexarm.model import Contact, RoundWall, Surface, SurfaceTable, Wall
 from flexarm.simulation.calls.metrics import on_base, tip_reference
 from flexarm.view.plot.drawn_result import (
-    FloatArray,
     RigidMotion,
     Signals,
     at_times,
@@ -213,7 +213,6 @@ def _extent(scene: Scene) -> list[FloatArray]:
 
 
 def _torques(scene: Scene, result: xr.Dataset, view: FloatArray) -> FloatArray | None:
-    """Return the arrows of the torques, or None."""
     if "torque" not in result or not scene.seats:
         return None
     torque = at_times(result["time"].values, result["torque"].values, scene.times)
@@ -466,7 +465,6 @@ def _data(scene: Scene) -> dict[str, Any]:
 
 
 def _rounded(values: FloatArray | None, digits: int) -> FloatArray | None:
-    """Return rounded numbers."""
     if values is None:
         return None
     return np.ascontiguousarray(np.round(values, digits) + 0.0)  # the sum converts -0.0 to 0.0

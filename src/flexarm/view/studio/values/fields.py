@@ -303,7 +303,6 @@ def _remove(path: Path, label: str) -> Field:
 
 
 def _table(record: Record, path: Path) -> Field:
-    """Return the table of a record."""
     names = [name for name in record._columns if getattr(record, name) is not None]
     texts = descriptions_of(type(record))
     about = " ".join(f"{name}: {texts[name]}" for name in record._columns)
@@ -469,11 +468,6 @@ class Group:
         """The fields and their parts."""
         return tuple(self.make())
 
-    @property
-    def fields(self) -> list[Field]:
-        """All fields, those of parts included."""
-        return list(fields_in(self.entries))
-
 
 #: Nonnegative numbers that are zero in special cases only.
 _POSITIVE = ("mass_per_length",)
@@ -492,8 +486,6 @@ _ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 @dataclass(frozen=True)
 class _Range:
-    """Range and step of a slider."""
-
     low: float
     high: float
     step: float
@@ -509,7 +501,6 @@ class Sizes:
 
 
 def _range_of(name: str, value: float, description: str, form: Form, sizes: Sizes) -> _Range:
-    """Return the range of the slider of a number."""
     bounds = list(form.bounds())
     lowest = max((bound for bound, below, _ in bounds if below), default=-math.inf)
     highest = min((bound for bound, below, _ in bounds if not below), default=math.inf)

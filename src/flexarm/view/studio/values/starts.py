@@ -390,11 +390,6 @@ class _Design:
         return motion if isinstance(motion, Motion) else None
 
     @property
-    def presses(self) -> bool:
-        """Whether the motion presses on a surface."""
-        return getattr(self.scenario.motion, "kind", "") == "pressed"
-
-    @property
     def instruments(self) -> bool:
         """Whether the hardware has instruments."""
         hardware = self.scenario.hardware
