@@ -32,7 +32,8 @@ def call(name: str, function: Callable[[Any], Any], t: Any) -> Any:
     except FlexarmError:
         raise
     except Exception as error:
-        raise _failure(name, _first(t), error) from error
+        first = t if getattr(t, "ndim", 0) == 0 else t[0]
+        raise _failure(name, float(first), error) from error
     return _finished(name, value)
 
 
@@ -99,7 +100,3 @@ def first_failure(
 def _failure(name: str, t: float, error: BaseException | None) -> FunctionError:
     words = " ".join(str(error).split())
     return FunctionError(t, f"{name} failed with {type(error).__name__}: {words}")
-
-
-def _first(t: Any) -> float:
-    return float(t) if getattr(t, "ndim", 0) == 0 else float(t[0])

@@ -83,18 +83,14 @@ def with_numbers(record: R, values: Mapping[str, Any]) -> R:
     return record
 
 
-def number_paths(record: Record) -> Iterator[str]:
-    """Yield the paths of all numbers of a record."""
-    yield from _number_paths(record, "")
-
-
-def _number_paths(value: Any, walked: str) -> Iterator[str]:
+def number_paths(value: Any, walked: str = "") -> Iterator[str]:
+    """Yield the paths of all numbers of a record, or of its value at a path."""
     for part in _names(value):
         inside, path = _inside(value, part), _joined(walked, part)
         if isinstance(inside, float):
             yield path
         else:
-            yield from _number_paths(inside, path)
+            yield from number_paths(inside, path)
 
 
 def parts_of(path: str) -> list[str | int]:

@@ -129,7 +129,8 @@ def _area(points: Sequence[Point]) -> float:
 def _crossings(points: Sequence[Point]) -> Iterator[tuple[int, int]]:
     """Yield the pairs of sides of a closed polygon that cross, with the smaller number first."""
     # Sides are sorted along the longer axis, so that a side is compared with its neighbours only.
-    axis = 0 if _extent(points, 0) >= _extent(points, 1) else 1
+    width, height = (max(values) - min(values) for values in zip(*points, strict=True))
+    axis = 0 if width >= height else 1
     last = len(points) - 2
     spans = [sorted((points[k][axis], points[k + 1][axis])) for k in range(last + 1)]
     order = sorted(range(last + 1), key=spans.__getitem__)
@@ -141,11 +142,6 @@ def _crossings(points: Sequence[Point]) -> Iterator[tuple[int, int]]:
             if abs(k - other) in (1, last) or not _cross(points, k, other):
                 continue
             yield min(k, other), max(k, other)
-
-
-def _extent(points: Sequence[Point], axis: int) -> float:
-    values = [point[axis] for point in points]
-    return max(values) - min(values)
 
 
 def _cross(points: Sequence[Point], k: int, other: int) -> bool:

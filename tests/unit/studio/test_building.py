@@ -28,7 +28,7 @@ from flexarm.view.studio.state import (
     open_link,
     shown_by,
 )
-from flexarm.view.studio.values.fields import groups_of, points_of
+from flexarm.view.studio.values.fields import fields_in, groups_of, points_of
 
 from test_state import STUDY  # isort: skip
 
@@ -119,7 +119,8 @@ def test_a_study_is_not_changed_unless_all_its_parts_fit():
 
 def test_links_have_buttons():
     def buttons(project):
-        fields = next(group for group in groups_of(project) if group.title == "Link 1").fields
+        group = next(group for group in groups_of(project) if group.title == "Link 1")
+        fields = fields_in(group.entries)
         return [field.path[-1] for field in fields if field.path[:2] == LINKS][-3:]
 
     assert buttons(paper_project()) == [COPY, MOVE, REMOVE]

@@ -45,7 +45,7 @@ EXAMPLES = [
 
 
 def fields_of(project):
-    return {field.name: field for group in groups_of(project) for field in group.fields}
+    return {field.name: field for group in groups_of(project) for field in fields_in(group.entries)}
 
 
 def controlled():

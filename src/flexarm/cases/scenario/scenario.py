@@ -524,10 +524,6 @@ def _feedforward(asked: str, around: DriveContext) -> dict[str, Any]:
     return {"feedforward": with_holding(torque, around.start)}
 
 
-def _gravity(asked: str, around: DriveContext) -> dict[str, Any]:
-    return {"arm": None if asked == "none" else around.arm, "sag": asked == "sag"}
-
-
 def _inner(drive: ControllerDrive, around: DriveContext) -> dict[str, Any]:
     with problems_under("inner"):
         return {"inner": controller_of(drive, around)}
@@ -565,6 +561,9 @@ FILTERS: dict[str, Callable[..., StateEstimator]] = {
 _MADE: dict[str, Callable[[Any, DriveContext], dict[str, Any]]] = {
     "estimator": _estimator,
     "feedforward": _feedforward,
-    "gravity": _gravity,
+    "gravity": lambda asked, around: {
+        "arm": None if asked == "none" else around.arm,
+        "sag": asked == "sag",
+    },
     "inner": _inner,
 }

@@ -105,7 +105,7 @@ class TipMotion(PathMotion):
         inverse = _pseudo_inverse(jacobian)
         slope = _times(inverse, tip.slope)
         turning = tip_jacobian_rate(self.chain.lengths, angles, slope)
-        idle = _times(_transposed(turning), _times(_transposed(inverse), slope))
+        idle = _times(turning.mT, _times(inverse.mT, slope))
         idle -= _times(inverse, _times(jacobian, idle))
         curve = idle + _times(inverse, tip.curve - _times(turning, slope))
         return JointState(angles - self.chain.offset, slope, curve)
@@ -319,10 +319,6 @@ def _pseudo_inverse(matrices: Floats) -> Floats:
 def _times(matrices: Floats, vectors: Floats) -> Floats:
     """Multiply matrices (T, a, b) with vectors (T, b)."""
     return np.asarray(np.matmul(matrices, vectors[:, :, None])[:, :, 0])
-
-
-def _transposed(matrices: Floats) -> Floats:
-    return np.swapaxes(matrices, -1, -2)
 
 
 @public_call

@@ -200,7 +200,7 @@ class _Window:
             pick = f"() => getElement({upload.id}).$refs.qRef.pickFiles()"
             with _button("New", "Start with another arm"), ui.menu():
                 for name, make in PRESETS.items():
-                    ui.menu_item(_sentence(name), lambda make=make: self._begin(make()))
+                    ui.menu_item(name[:1].upper() + name[1:], lambda make=make: self._begin(make()))
                 ui.menu_item("Cards of the gallery").props("disable")
                 for title, sentence, make in cards():
                     with ui.menu_item(title, lambda make=make: self._begin(make())):
@@ -514,10 +514,6 @@ def _fill_table(table: ui.element, rows: Sequence[Row]) -> None:
                 for text in row:
                     with ui.element("th" if k == 0 else "td"):
                         ui.label(text)
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _fill(label: ui.label, text: str) -> None:

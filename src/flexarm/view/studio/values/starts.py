@@ -225,10 +225,6 @@ def _change(scenario: Scenario, old: Any) -> dict[str, Any]:
     return {"path": environment.PAYLOAD_MASS, "at": half, "to": short(2.0 * mass or 0.1)}
 
 
-def _number_of(old: Any) -> float:
-    return old if isinstance(old, float) else 1.0
-
-
 def _contact(scenario: Scenario, old: Any) -> dict[str, Any]:
     return {
         "surface": new_record(scenario, surfaces.Wall),
@@ -327,7 +323,7 @@ _STARTS: dict[type[Record], Callable[[Scenario, Any], dict[str, Any]]] = {
     environment.Change: _change,
     environment.ValueTable: lambda of, old: {
         "times": _times(of, 2),
-        "values": [_number_of(old)] * 2,
+        "values": [old if isinstance(old, float) else 1.0] * 2,
     },
     environment.Contact: _contact,
     surfaces.Wall: _wall,
