@@ -47,6 +47,7 @@ from flexarm.model.identification import FreeParameter as FreeParameter
 from flexarm.model.scenarios.scenario import EventSpec as EventSpec
 from flexarm.model.scenarios.scenario import HeldJoint as HeldJoint
 from flexarm.model.scenarios.scenario import JointEvent as JointEvent
+from flexarm.model.scenarios.scenario import RunSpec as RunSpec
 from flexarm.model.scenarios.scenario import Scenario as Scenario
 from flexarm.model.scenarios.scenario import TabulatedJoint as TabulatedJoint
 from flexarm.model.scenarios.study import PlantSpec as PlantSpec
