@@ -87,7 +87,7 @@ class Kept(fa.Adaptive):
 
     def step(self, memory, readings, inputs):
         self.a.append(memory["estimate"].tolist())
-        self.s.append(self._sliding.at(memory, readings, inputs)[1].s)
+        self.s.append(self._slid(memory, readings, inputs)[1].s)
         return super().step(memory, readings, inputs)
 
 

@@ -64,7 +64,7 @@ def test_representable_torques_are_cancelled_exactly():
 
         def step(self, memory, readings, inputs):
             self.w.append(memory["weights"][0, 0])
-            self.s.append(float(self._sliding.at(memory, readings, inputs)[1].s[0]))
+            self.s.append(float(self._slid(memory, readings, inputs)[1].s[0]))
             return super().step(memory, readings, inputs)
 
     class Wave:

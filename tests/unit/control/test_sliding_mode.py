@@ -13,7 +13,7 @@ class Kept(fa.SlidingMode):
         self.s = []
 
     def step(self, memory, readings, inputs):
-        self.s.append(self._sliding.at(memory, readings, inputs)[1].s)
+        self.s.append(self._slid(memory, readings, inputs)[1].s)
         return super().step(memory, readings, inputs)
 
 

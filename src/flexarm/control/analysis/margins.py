@@ -203,11 +203,6 @@ def loop_margins(
     return table
 
 
-def growth_of(loop: SampledLoop) -> float:
-    """Return the growth (1/s) of the dominant pole; zero if rounding may have caused it."""
-    return stability_of(loop)[0]
-
-
 def stability_of(loop: SampledLoop) -> tuple[float, FloatArray]:
     """Return the growth, and frequencies (Hz) and damping ratios (2, _POLES) of the slowest poles.
 

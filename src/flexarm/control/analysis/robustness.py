@@ -17,10 +17,10 @@ from flexarm.control.analysis.margins import (
     ROUNDED_GROWTH,
     check_single_rate,
     frequency_grid,
-    growth_of,
     loop_at,
     places_of,
     plants_of,
+    stability_of,
     without_friction,
 )
 from flexarm.control.analysis.sampled_loop import ComplexArray, Response, SampledLoop
@@ -108,7 +108,7 @@ def robustness(
     inverse = np.linalg.inv([loop.sensitivity(np.exp(1j * angles)) for loop in loops])
     returned = inverse - np.eye(inverse.shape[-1])
     root = np.linalg.cholesky(arms[0].rigid().mass_matrix(at))
-    stable = all(growth_of(loop) <= 0.0 for loop in loops)
+    stable = all(stability_of(loop)[0] <= 0.0 for loop in loops)
     mu = _bounds(returned, root, accepted) if stable else np.full((2, len(angles)), np.inf)
     omega = angles / loops[0].sample_time
     table = xr.Dataset(coords={"frequency": ("frequency", omega, {"units": "rad/s"})})

@@ -110,19 +110,14 @@ def rows_of(model: LinearModel, names: Sequence[str]) -> FloatArray:
     return taken
 
 
-def scales(argument: str, given: ArrayLike, count: int) -> FloatArray:
-    """Return positive numbers (count,) from one number or a list of ``count``."""
-    found = check_each(argument, given, count, positive=True)
-    return np.broadcast_to(found, (count,)).astype(np.float64)
-
-
 def sizes_of(argument: str, model: LinearModel, given: Mapping[str, ArrayLike]) -> FloatArray:
     """Return the numbers of a mapping, one for each component of its outputs or inputs."""
     labels = (*model.outputs, *model.inputs)
     found = [np.zeros(0)]
     for name, value in given.items():
         count = len(component_places(labels, [name]))
-        found.append(scales(f"{argument}[{name!r}]", value, count))
+        sizes = check_each(f"{argument}[{name!r}]", value, count, positive=True)
+        found.append(np.broadcast_to(sizes, (count,)))
     return np.concatenate(found)
 
 
@@ -246,28 +241,27 @@ def preview_gain(item: Design, steps: int, stride: int) -> FloatArray:
     """
     from scipy.linalg import solve
 
-    push = np.vstack([item.B, np.zeros((len(item.integrated), item.B.shape[1]))])
+    push, _ = regulated(item)
     inner = item.torque_weight + push.T @ item.cost @ push
     return _previewed(item, solve(inner, push.T, assume_a="pos"), steps, stride)
 
 
 def preview_cost(item: Design, steps: int, stride: int) -> FloatArray:
     """Return s_k of (C.27), by elastic forces as for ``preview_gain``: (n + k, ...) for joints."""
-    return _previewed(item, _loop(item).T, steps, stride)
+    return _previewed(item, regulated(item)[1].T, steps, stride)
 
 
-def _loop(item: Design) -> FloatArray:
-    """Return the matrix (n + k, n + k) of the regulator's loop, with integrals."""
+def regulated(item: Design) -> tuple[FloatArray, FloatArray]:
+    """Return B (n + k, joints) and the regulator's loop (n + k, n + k), with integrals."""
     n, k = len(item.A), len(item.integrated)
     push = np.vstack([item.B, np.zeros((k, item.B.shape[1]))])
     whole = np.block([[item.A, np.zeros((n, k))], [item.integrated, np.eye(k)]])
-    loop: FloatArray = whole - push @ item.gain
-    return loop
+    return push, np.asarray(whole - push @ item.gain)
 
 
 def _previewed(item: Design, left: FloatArray, steps: int, stride: int) -> FloatArray:
     """Return ``left`` times the cost of elastic forces, for each node of the preview."""
-    loop, forced = _loop(item), item.cost[:, : len(item.A)] @ item.B_elastic
+    loop, forced = regulated(item)[1], item.cost[:, : len(item.A)] @ item.B_elastic
     gains = np.zeros((len(left), 1 + steps // stride, forced.shape[1]))
     for i in range(steps):
         gain = left @ forced

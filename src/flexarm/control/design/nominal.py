@@ -53,10 +53,10 @@ class FlexibleModel:
         self._elastic_places = assembly.coordinates[self.elastic]
         self._poses, self._tip = self._kernels.pose_arrays()
 
-    def forces_many(
+    def motion(
         self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, bend: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the torques (T, joints) N m and elastic forces (T, dof - joints) of a motion.
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return q and qd (T, dof) of a motion, its torques, and the forces without a motor.
 
         The elastic forces are those that would have to act to keep the bending constant. ``bend``
         (T, dof - joints): the elastic coordinates; their rates and accelerations are zero.
@@ -72,22 +72,12 @@ class FlexibleModel:
         motion = states, accelerations
         kernels.call(inverse_dynamics_many, *motion, kernels.loads, kernels.work, forces)
         found = forces.reshape(count, -1)
-        return found[:, joints], found[:, elastic]
-
-    def motion(
-        self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray, bend: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return q and qd (T, dof) of a motion, its torques, and the forces without a motor.
-
-        Arguments as for ``forces_many``.
-        """
-        torque, elastic_force = self.forces_many(angle, rate, acceleration, bend)
         # The arrays have the type of the angles, which are symbols in exported controllers.
         q = np.zeros_like(angle, shape=(len(angle), self.arm.dof))
         qd = np.zeros_like(q)
         q[:, self.arm.joint_index], q[:, self.elastic] = angle, bend
         qd[:, self.arm.joint_index] = rate
-        return q, qd, torque, elastic_force
+        return q, qd, found[:, joints], found[:, elastic]
 
     def chords(self, angle: FloatArray) -> FloatArray:
         """Return the rotations (joints, dof - joints) of the chords of the links by the bending.
@@ -327,17 +317,9 @@ class PreviewedReference:
         arm = model.arm
         # Samples fill these buffers from the start. At the end they are copied back to the start.
         places = 3 * steps + _AHEAD
-        self._angle, self._torque = (
-            np.zeros((places, arm.n_joints)),
-            np.zeros((places, arm.n_joints)),
-        )
-        self._q, self._qd = np.zeros((places, arm.dof)), np.zeros((places, arm.dof))
-        self._missing = np.zeros((places, model.unbalanced))
-        shown = show(self._q[:1], self._qd[:1])
-        self._shown = np.zeros((places, shown.shape[1]))
-        self._buffers = (
-            self._angle, self._q, self._qd, self._torque, self._missing, self._shown
-        )  # fmt: skip
+        shown = show(*np.zeros((2, 1, arm.dof)))
+        sizes = arm.n_joints, arm.dof, arm.dof, arm.n_joints, model.unbalanced, shown.shape[1]
+        self._buffers = Nominal(*(np.zeros((places, size)) for size in sizes))
         self.reset()
 
     def reset(self) -> None:
@@ -346,7 +328,7 @@ class PreviewedReference:
         self._first_tick = 0
         self._now: float | None = None
         self._start = self._end = 0  # index of the current sample, and end of the computed ones
-        self.missing = self._missing[: self._steps]
+        self.missing = self._buffers.missing[: self._steps]
 
     def at(self, t: float, reference: Reference) -> Nominal:
         """Return the nominal motion at t (s).
@@ -363,24 +345,24 @@ class PreviewedReference:
         if self._start + self._steps > self._end:
             self._go_on(reference)
         k = self._start
-        self.missing = self._missing[k : k + self._steps]
+        self.missing = self._buffers.missing[k : k + self._steps]
         return Nominal(*[buffer[k] for buffer in self._buffers])
 
     def torques(self, count: int) -> FloatArray:
         """Return the torques (count, joints) from the current sample on, N m."""
-        return self._torque[self._start : self._start + min(count, self._steps)]
+        return self._buffers.torque[self._start : self._start + min(count, self._steps)]
 
     def states(self, count: int) -> FloatArray:
         """Return q and qd (count, 2 dof) from the current sample on."""
         here = slice(self._start, self._start + min(count, self._steps))
-        return np.hstack([self._q[here], self._qd[here]])
+        return np.hstack([self._buffers.q[here], self._buffers.qd[here]])
 
     def _go_on(self, reference: Reference) -> None:
         """Compute more samples, at least up to the end of the preview."""
         many = bool(getattr(reference, "vectorized", False))
         count = self._start + self._steps - self._end
         count = max(count, _AHEAD) if many and self._end else count  # an analysis has one sample
-        if self._end + count > len(self._angle):
+        if self._end + count > len(self._buffers.angle):
             known = self._end - self._start
             for buffer in self._buffers:
                 buffer[:known] = buffer[self._start : self._end].copy()
@@ -388,7 +370,11 @@ class PreviewedReference:
             self._start, self._end = 0, known
         samples = self._first_tick + np.arange(self._end, self._end + count)
         times = np.asarray(samples * self._sample_time, dtype=np.float64)
-        self._fill(*self._motion(times, reference))
+        new = slice(self._end, self._end + count)
+        found = self.along(*self._motion(times, reference))
+        for buffer, values in zip(self._buffers, found, strict=True):
+            buffer[new] = values
+        self._end = new.stop
 
     def _motion(self, times: FloatArray, reference: Reference) -> list[FloatArray]:
         """Return the angles, rates and accelerations at times (T,), (T, joints) each."""
@@ -401,13 +387,6 @@ class PreviewedReference:
         for values in rates:
             values[rests] = 0.0
         return [angle, *rates]
-
-    def _fill(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> None:
-        new = slice(self._end, self._end + len(angle))
-        found = self.along(angle, rate, acceleration)
-        for buffer, values in zip(self._buffers, found, strict=True):
-            buffer[new] = values
-        self._end = new.stop
 
     def along(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Nominal:
         """Return the nominal motion at T times, for a motion of the joints (T, joints)."""
@@ -466,23 +445,21 @@ class RecordedRun:
 
     def _torque_from(self, t: float) -> FloatArray:
         """Return the torque at mid-sample: a zero-order-hold torque has the effect of its mean."""
-        return self._line(self._torque, t + 0.5 * self._sample_time)
+        k, _, s = self._place(t + 0.5 * self._sample_time)
+        return np.asarray((1.0 - s) * self._torque[k] + s * self._torque[k + 1])
 
-    def _state(self, t: float) -> tuple[FloatArray, FloatArray]:
+    def _place(self, t: float) -> tuple[int, float, float]:
+        """Return the interval of the run at t (s), its length (s) and the fraction before t."""
         k = int(np.clip(np.searchsorted(self._time, t, side="right") - 1, 0, self._time.size - 2))
         h = self._time[k + 1] - self._time[k]
-        s = min(max((t - self._time[k]) / h, 0.0), 1.0)
+        return k, h, min(max((t - self._time[k]) / h, 0.0), 1.0)
+
+    def _state(self, t: float) -> tuple[FloatArray, FloatArray]:
+        k, h, s = self._place(t)
         a, b, da, db = self._q[k], self._q[k + 1], h * self._qd[k], h * self._qd[k + 1]
         rise = b - a
         q = a + s * (da + s * (3.0 * rise - 2.0 * da - db + s * (da + db - 2.0 * rise)))
         return q, (1.0 - s) * self._qd[k] + s * self._qd[k + 1]
-
-    def _line(self, values: FloatArray, t: float) -> FloatArray:
-        k = int(np.clip(np.searchsorted(self._time, t, side="right") - 1, 0, self._time.size - 2))
-        s = (t - self._time[k]) / (self._time[k + 1] - self._time[k])
-        s = min(max(s, 0.0), 1.0)
-        found: FloatArray = (1.0 - s) * values[k] + s * values[k + 1]
-        return found
 
 
 def chord_matrix(arm: Arm) -> FloatArray:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView
@@ -218,12 +217,12 @@ class RigidParameters:
         nominal = np.zeros((2, *rest.shape))
         nominal[1, :, _PASSIVE] = rest[:, _PASSIVE]
         nominal[0] = rest - nominal[1]
-        turning = [d for d in directions if not d[:, _PASSIVE].any()]
-        others = [d for d in directions if d[:, _PASSIVE].any()]
         # The kernel requires the inertial sets first. ``_order`` restores the order of the names.
-        self._sets = np.stack([nominal[0], *turning, nominal[1], *others])
-        self._inertial = 1 + len(turning)
-        self._order = _order(directions)
+        is_passive = [False, True, *(bool(d[:, _PASSIVE].any()) for d in directions)]
+        first = np.argsort(is_passive, kind="stable")
+        self._sets = np.stack([*nominal, *directions])[first]
+        self._inertial = is_passive.count(False)
+        self._order = np.argsort(first)
         self.known = 2
         constants = ArmConstants(*(array.copy() for array in exact))
         constants.arm[HAS_JOINT_LAWS] = 1.0
@@ -336,18 +335,6 @@ def _share(whole: FloatArray, direction: FloatArray) -> float:
     return float(whole[first] / direction[first])
 
 
-def _order(directions: list[FloatArray]) -> NDArray[np.intp]:
-    """Return the indices of the kernel's rows: the two known ones, then the parameters."""
-    passive = [bool(d[:, _PASSIVE].any()) for d in directions]
-    turning = passive.count(False)
-    places = [0, 1 + turning]
-    seen = [0, 0]
-    for is_passive in passive:
-        places.append((2 + turning if is_passive else 1) + seen[is_passive])
-        seen[is_passive] += 1
-    return np.array(places, dtype=np.intp)
-
-
 class TaskState(NamedTuple):
     """State of the rigid model, overwritten by the next one; tip vectors in world axes."""
 
@@ -435,29 +422,24 @@ class _SampledRows:
         """Clear the reference."""
         self._reference: Any = None
         self._sampled: SampledFeedforward | None = None
+        self.vectorized = False
 
     def row(self, t: float, reference: Any) -> FloatArray:
         """Return the row (n,) at t (s)."""
         if self._sampled is None or reference is not self._reference:
             self._reference = reference
-            self._sampled = SampledFeedforward(_Rows(self.rows, reference), self._sample_time)
+            self.vectorized = bool(getattr(reference, "vectorized", False))
+            self._sampled = SampledFeedforward(self, self._sample_time)
         return self._sampled(t)
+
+    def __call__(self, t: Any) -> FloatArray:
+        """Return the row at a time, or rows at times (T,), of the last reference."""
+        rows = self.rows(self._reference, np.atleast_1d(np.asarray(t, dtype=np.float64)))
+        return rows if np.ndim(t) else rows[0]
 
     def rows(self, reference: Any, t: FloatArray) -> FloatArray:
         """Return rows (T, n) at times (T,)."""
         raise NotImplementedError
-
-
-class _Rows:
-    """Rows along a reference as a function of time, for ``SampledFeedforward``."""
-
-    def __init__(self, rows: Callable[[Any, FloatArray], FloatArray], reference: Any) -> None:
-        self._rows, self._reference = rows, reference
-        self.vectorized = bool(getattr(reference, "vectorized", False))
-
-    def __call__(self, t: Any) -> FloatArray:
-        rows = self._rows(self._reference, np.atleast_1d(np.asarray(t, dtype=np.float64)))
-        return rows if np.ndim(t) else rows[0]
 
 
 class TaskPlan(_SampledRows):

@@ -85,6 +85,10 @@ class JointFollower(Parametrised, Controller):
             inputs["feedforward"] = self._ahead(t)
         return inputs
 
+    def _with_feedforward(self, torque: FloatArray, inputs: Arrays) -> FloatArray:
+        """Return a torque plus the feedforward torque, if there is any."""
+        return torque if self.feedforward is None else torque + inputs["feedforward"]
+
 
 class JointPD(JointFollower, JointPDParameters):
     """Proportional and derivative feedback of each joint angle, plus a feedforward torque.
@@ -99,9 +103,7 @@ class JointPD(JointFollower, JointPDParameters):
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         torque: FloatArray = self.proportional * (inputs["reference_angle"] - readings.joint_angle)
         torque = torque + self.derivative * (inputs["reference_rate"] - readings.joint_rate)
-        if self.feedforward is not None:
-            torque = torque + inputs["feedforward"]
-        return memory, torque
+        return memory, self._with_feedforward(torque, inputs)
 
 
 class JointPID(JointFollower, JointPIDParameters):
@@ -177,8 +179,7 @@ class JointPID(JointFollower, JointPIDParameters):
             torque = torque + pull
         elif self._weight is not None:
             torque = torque + self._weight.gravity_torque(readings.joint_angle)
-        if self.feedforward is not None:
-            torque = torque + inputs["feedforward"]
+        torque = self._with_feedforward(torque, inputs)
         rise = self.integral * (self.sample_time * error)
         if self._limited:
             wanted, limit = torque, self.torque_limit
@@ -301,9 +302,7 @@ class StrainFeedback(JointFollower, StrainFeedbackParameters):
             rate = decay * memory["rate"] + per_change * (strain - memory["strain"])
             memory = {"strain": strain.copy(), "rate": rate}
             torque = torque - _at_joints(self.strain_rate, "strain_rate", rate, torque.shape[-1])
-        if self.feedforward is not None:
-            torque = torque + inputs["feedforward"]
-        return memory, torque
+        return memory, self._with_feedforward(torque, inputs)
 
 
 def _at_joints(gains: FloatArray, name: str, of_gauges: FloatArray, joints: int) -> FloatArray:
@@ -412,9 +411,7 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
         near, beyond = _split(ratio, self._rate_end)
         grown = np.arctanh(near) / (1.0 - near * near) + self.gain_limit * beyond
         torque: FloatArray = self.damping * self.rate_bound * grown
-        if self.feedforward is not None:
-            torque = torque + inputs["feedforward"]
-        return after, torque
+        return after, self._with_feedforward(torque, inputs)
 
     def report(self) -> dict[str, float]:
         """Return the number of samples outside the bound, and the first error over its bound."""

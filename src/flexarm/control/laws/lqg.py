@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -400,8 +400,29 @@ class LQG(LQGParameters, OfArm, Controller):
             InputError: as for the class, or if no design has the margin; the message has the best
                 one found.
         """
+        rule = "be greater than 0 and less than 2"
+        required = check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, rule)
+        for name in ("rigidity_uncertainty", "recovery"):
+            if name in options:
+                rule = "is not supported, because the design searches for it"
+                raise InputError(Problem(name, rule))
+        arms = [check_kind("arm", arm, Arm), *named_arms(plants).values()]
+        best, found = -1.0, (0.0, 0.0)
         with one_warning() as bent:
-            made = for_margin(cls, arm, posture, plants, disk_margin, postures, options)
+            for unsure, recovery in _TRIED:
+                made = cls(arm, posture, rigidity_uncertainty=unsure, recovery=recovery, **options)
+                margin = _least(made.at_rest(), arms, postures, best)
+                if margin >= required:
+                    break
+                if margin > best:
+                    best, found = margin, (unsure, recovery)
+            else:
+                hint = (
+                    f"Best with rigidity_uncertainty={found[0]:g} and recovery={found[1]:g}. "
+                    "Accept larger deviations or less torque, or add gauges."
+                )
+                rule = f"of {required:g} cannot be reached: the best found is {best:.3g}"
+                raise InputError(Problem("disk_margin", rule, hint=hint))
         warn_of_first(bent)
         return made
 
@@ -415,45 +436,10 @@ class LQG(LQGParameters, OfArm, Controller):
         return mine
 
 
-C = TypeVar("C", bound=Controller)
-
 #: Pairs of rigidity uncertainty and recovery, in increasing order of lost performance.
 _TRIED = tuple(
     (unsure, recovery) for unsure in (0.0, 0.1, 0.3, 0.6, 1.0) for recovery in (0.0, 0.3, 1.0, 3.0)
 )
-
-
-def for_margin(
-    kind: type[C],
-    arm: Arm,
-    posture: ArrayLike | None,
-    plants: Arm | Sequence[Arm] | Mapping[str, Arm],
-    disk_margin: float,
-    postures: ArrayLike | None,
-    options: dict[str, Any],
-) -> C:
-    """Return the first controller of ``_TRIED`` with the margin; see ``LQG.for_margin``."""
-    rule = "be greater than 0 and less than 2"
-    required = check_number("disk_margin", disk_margin, lambda margin: 0.0 < margin < 2.0, rule)
-    for name in ("rigidity_uncertainty", "recovery"):
-        if name in options:
-            raise InputError(Problem(name, "is not supported, because the design searches for it"))
-    arms = [check_kind("arm", arm, Arm), *named_arms(plants).values()]
-    make: Any = kind
-    best, found = -1.0, (0.0, 0.0)
-    for unsure, recovery in _TRIED:
-        made: C = make(arm, posture, rigidity_uncertainty=unsure, recovery=recovery, **options)
-        margin = _least(made.at_rest(), arms, postures, best)  # type: ignore[attr-defined]
-        if margin >= required:
-            return made
-        if margin > best:
-            best, found = margin, (unsure, recovery)
-    hint = (
-        f"Best with rigidity_uncertainty={found[0]:g} and recovery={found[1]:g}. Accept larger "
-        "deviations or less torque, or add gauges."
-    )
-    rule = f"of {required:g} cannot be reached: the best found is {best:.3g}"
-    raise InputError(Problem("disk_margin", rule, hint=hint))
 
 
 def _least(

@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference, Step, applied
-from flexarm.control.design.linear_design import Design, preview_cost
+from flexarm.control.design.linear_design import Design, preview_cost, regulated
 from flexarm.control.design.nominal import Nominal
 from flexarm.control.laws.lqg import LQG
 from flexarm.linear.step_derivatives.sampled_step import SampledSteps, Steps
@@ -74,11 +74,9 @@ class MPC(MPCParameters, LQG):
 
     def _node(self, item: Design) -> list[FloatArray]:
         """Return the torques of the horizon per state, torque change and elastic force; (C.30)."""
-        m, n, k = item.B.shape[1], len(item.A), len(item.integrated)
-        push = np.vstack([item.B, np.zeros((k, m))])
+        m, k = item.B.shape[1], len(item.integrated)
+        push, loop = regulated(item)
         forced = np.vstack([item.B_elastic, np.zeros((k, item.B_elastic.shape[1]))])
-        whole = np.block([[item.A, np.zeros((n, k))], [item.integrated, np.eye(k)]])
-        loop = whole - push @ item.gain
         free = [-item.gain]
         for _ in range(self.horizon - 1):
             free.append(free[-1] @ loop)

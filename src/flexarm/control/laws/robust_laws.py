@@ -173,9 +173,7 @@ class LoopShaping(RobustFollower, LoopShapingParameters):
         known = np.concatenate([memory["state"], *errors], axis=-1)
         result = applied(self._arrays.at(angle)[0], known)
         state, torque = result[..., : self._states], result[..., self._states :]
-        if self.feedforward is not None:
-            torque = torque + inputs["feedforward"]
-        return {"state": state}, torque
+        return {"state": state}, self._with_feedforward(torque, inputs)
 
 
 #: Growth in a sample time that is rounding.
@@ -300,9 +298,7 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
         state, angle = memory["state"], inputs["reference_angle"]
         errors = readings.joint_angle - angle, readings.joint_rate - inputs["reference_rate"]
         error = np.concatenate(errors, axis=-1)
-        torque = applied(self.C, state) + applied(self.D, error)
-        if self.feedforward is not None:
-            torque = torque + inputs["feedforward"]
+        torque = self._with_feedforward(applied(self.C, state) + applied(self.D, error), inputs)
         return {"state": applied(self.A, state) + applied(self.B, error)}, torque
 
 

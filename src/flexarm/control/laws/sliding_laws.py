@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -49,59 +49,63 @@ class Sliding(NamedTuple):
     s: FloatArray
 
 
-class SlidingVariable:
-    """Reference rates and s = qd - qd_r, theory page "control under uncertainty", (C.40).
+class SlidingController(OfArm, Controller):
+    """Base of controllers with reference rates and a sliding variable s = qd - qd_r.
 
     The reference rate is the rate of the motion, plus ``bandwidth`` times the angle error, plus
-    ``strain_gain`` times the high-pass filtered curvature at the root of the joint's link.
+    ``strain_gain`` times the high-pass filtered curvature at the root of the joint's link; theory
+    page "control under uncertainty", (C.40).
     """
 
-    def __init__(
-        self, arm: Arm, bandwidth: FloatArray, strain_gain: FloatArray, washout: float
-    ) -> None:
-        self.bandwidth, self.strain_gain, self.washout = bandwidth, strain_gain, washout
-        self.smoothing_rate = _SMOOTHED * bandwidth
+    def __post_init__(self) -> None:
+        arm, own = self.arm, cast("Any", self)  # every law has the parameters in its own order
+        if own.washout is None:
+            own.washout = default_cutoff(arm, self.sample_time)
+        self._bandwidth, self._washout, strain_gain = own.bandwidth, own.washout, own.strain_gain
+        self._smoothing_rate = _SMOOTHED * self._bandwidth
         self._gauge = np.zeros(arm.n_joints, dtype=np.intp)
         self._per_strain = np.zeros(arm.n_joints)
-        self._fed = bool(np.any(self.strain_gain > 0.0))
-        for joint in np.flatnonzero(self.strain_gain > 0.0).tolist():  # the gauge nearest the root
+        self._fed = bool(np.any(strain_gain > 0.0))
+        for joint in np.flatnonzero(strain_gain > 0.0).tolist():  # the gauge nearest the root
             link = arm.joint_numbers[joint] - 1
             gauges = [
                 (station, k) for k, (i, station, d) in enumerate(arm.gauges) if i == link and d
             ]
             if not gauges:
                 rule = f"be 0 at joint {link + 1} (its link has no gauge off the neutral axis)"
-                value = shown(float(self.strain_gain[joint]))
+                value = shown(float(strain_gain[joint]))
                 raise InputError(Problem("strain_gain", rule, value))
             self._gauge[joint] = min(gauges)[1]
-            self._per_strain[joint] = -self.strain_gain[joint] / arm.gauges[min(gauges)[1]][2]
-        self.reset(1.0)
-
-    def requirements(self, arm: Arm) -> ControllerRequirements:
-        """Return the requirements of a controller of ``arm``."""
-        if self._fed:
-            return ControllerRequirements(arm.n_joints, (*JOINTS, "strain"), len(arm.gauges))
-        return ControllerRequirements(arm.n_joints, JOINTS)
-
-    def reset(self, sample_time: float) -> None:
-        """Set the sample time (s)."""
-        self._forget_slow = 1.0 - math.exp(-2.0 * math.pi * self.washout * sample_time)
+            self._per_strain[joint] = -strain_gain[joint] / arm.gauges[min(gauges)[1]][2]
         self._rise_fast = 1.0 - math.exp(-2.0 * math.pi * _NOISE_CUTOFF)
-        self._sample_time = sample_time
+        self.reset()
 
-    def initial_memory(self, readings: Measurement) -> Arrays:
+    def reset(self) -> None:
+        """Clear the state of the previous run."""
+        super().reset()
+        self._forget_slow = 1.0 - math.exp(-2.0 * math.pi * self._washout * self.sample_time)
+
+    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
+        if self._fed:
+            gauges = len(self.arm.gauges)
+            return ControllerRequirements(self.arm.n_joints, (*JOINTS, "strain"), gauges)
+        return ControllerRequirements(self.arm.n_joints, JOINTS)
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         """Return the low-pass and the high-pass filtered curvature at the first sample."""
         if not self._fed:
             return {}
         bent = self._per_strain * readings.strain[self._gauge]
         return {"slow": bent, "fast": 0.0 * bent}
 
-    def at(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> tuple[Arrays, Sliding]:
+    def _slid(
+        self, memory: Arrays, readings: Measurement, inputs: Arrays
+    ) -> tuple[Arrays, Sliding]:
         """Return the next memory, and the sliding variable of a sample."""
         angle, rate = readings.joint_angle, readings.joint_rate
         desired = inputs["reference_rate"]
-        reference_rate = desired + self.bandwidth * (inputs["reference_angle"] - angle)
-        change = self.bandwidth * (desired - rate)
+        reference_rate = desired + self._bandwidth * (inputs["reference_angle"] - angle)
+        change = self._bandwidth * (desired - rate)
         acceleration = inputs["reference_acceleration"] + change
         after = {}
         if self._fed:
@@ -110,32 +114,8 @@ class SlidingVariable:
             after["slow"] = memory["slow"] + self._forget_slow * (bent - memory["slow"])
             after["fast"] = memory["fast"] + step
             reference_rate = reference_rate + after["fast"]
-            acceleration = acceleration + step / self._sample_time
+            acceleration = acceleration + step / self.sample_time
         return after, Sliding(angle, rate, reference_rate, acceleration, rate - reference_rate)
-
-
-class SlidingController(OfArm, Controller):
-    """Base of controllers with a `SlidingVariable`.
-
-    A subclass has the parameters ``bandwidth``, ``strain_gain`` and ``washout``, in its own order.
-    """
-
-    def __post_init__(self) -> None:
-        own: Any = self
-        if own.washout is None:
-            own.washout = default_cutoff(self.arm, self.sample_time)
-        self._sliding = SlidingVariable(self.arm, own.bandwidth, own.strain_gain, own.washout)
-
-    def reset(self) -> None:
-        """Clear the state of the previous run."""
-        super().reset()
-        self._sliding.reset(self.sample_time)
-
-    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        return self._sliding.initial_memory(readings)
-
-    def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        return self._sliding.requirements(self.arm)
 
 
 #: Default excess of the switching torque, relative to typical torques.
@@ -159,7 +139,7 @@ class SlidingMode(SlidingModeParameters, SlidingController):
         if self.reaching is None:
             rate = slow_rate(self.arm, self.sample_time)
             self.reaching = _REACHING * typical_torque(self.arm, None, rate)
-        self._model = RigidParameters(self.arm, tuple(named), self._sliding.smoothing_rate)
+        self._model = RigidParameters(self.arm, tuple(named), self._smoothing_rate)
         # Nominal value and largest error of each row of the regressor.
         known = self._model.known
         self._believed = self._model.placed(np.concatenate([np.ones(known), self._model.values]))
@@ -168,7 +148,7 @@ class SlidingMode(SlidingModeParameters, SlidingController):
         self._floor = self.disturbance + self.reaching
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
-        after, now = self._sliding.at(memory, readings, inputs)
+        after, now = self._slid(memory, readings, inputs)
         rows = self._model.regressor(
             now.angle, now.rate, now.reference_rate, now.reference_acceleration, ordered=False
         )
@@ -199,7 +179,7 @@ class Adaptive(AdaptiveParameters, SlidingController):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.parameters = _listed(self.arm, self.parameters)
-        self._model = RigidParameters(self.arm, self.parameters, self._sliding.smoothing_rate)
+        self._model = RigidParameters(self.arm, self.parameters, self._smoothing_rate)
         if not self.parameters:
             raise InputError(Problem("parameters", "name at least one", "[]"))
         bounds, initial = self.bounds or {}, self.initial or {}
@@ -234,7 +214,7 @@ class Adaptive(AdaptiveParameters, SlidingController):
         return {"estimate": self._start, **super().initial_memory(readings, inputs)}
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
-        after, now = self._sliding.at(memory, readings, inputs)
+        after, now = self._slid(memory, readings, inputs)
         estimate, torque = memory["estimate"].copy(), np.zeros_like(now.s)
         reference = now.reference_rate, now.reference_acceleration
         columns = self._model.regressor(now.angle, now.rate, *reference)
@@ -300,7 +280,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
         return {"weights": self._start, **super().initial_memory(readings, inputs)}
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
-        after, now = self._sliding.at(memory, readings, inputs)
+        after, now = self._slid(memory, readings, inputs)
         weights, torque = memory["weights"].copy(), np.zeros_like(now.s)
         first, second = self._pairs
         signs = np.tanh(now.reference_rate / (_SIGN * self.bandwidth))
