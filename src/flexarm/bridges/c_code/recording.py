@@ -7,6 +7,7 @@ from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
 from importlib.resources import files
+from string import Template
 from types import SimpleNamespace
 from typing import Any
 
@@ -364,37 +365,6 @@ def _text(file: str) -> str:
     return (files("flexarm.bridges.c_code") / "c" / file).read_text(encoding="utf-8")
 
 
-#: Part of the test program before the one that is the same for all arms.
-_TEST_HEAD = """\
-#ifdef TIMES
-#define _POSIX_C_SOURCE 199309L
-#include <time.h>
-#endif
-#include <math.h>
-#include <stdio.h>
-#include "{name}.h"
-#include "{name}_recording.h"
-
-#define SAMPLES {samples}
-#ifndef ROUNDS
-#define ROUNDS 100
-#endif
-
-static double found[{most}];
-{memory}
-{calls}
-static const struct {{
-    const char *name;
-    void (*call)(int);
-    const double *expected, *tolerance;
-    int size;
-}} tests[] = {{
-{rows}
-}};
-
-"""
-
-
 def makefile(export: Exported, udp: bool) -> str:
     """Return the makefile, with or without a target for the program over UDP."""
     title = "make test: compare with the recorded run; make times, make size: measure."
@@ -427,7 +397,7 @@ def program(export: Exported, recording: Recording) -> str:
         rows.append(f'    {{"{name}", call_{name}, {name}_expected[0], {name}_tolerance, {size}}}')
     kept = dict.fromkeys(one.memory for one in export.all_functions if one.memory)
     memory = [f"static double {name}[{export.macro(name)}];\n" for name in kept]
-    filled = _TEST_HEAD.format(
+    filled = Template(_text("test_head.c")).substitute(
         name=export.name,
         samples=SAMPLES,
         most=max(values.shape[1] for values in recording.expected.values()),

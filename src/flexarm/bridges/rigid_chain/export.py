@@ -16,6 +16,7 @@ from importlib.resources import files
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
+from string import Template
 from typing import NamedTuple
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
@@ -444,40 +445,6 @@ def _text(root: Element) -> str:
     return f'<?xml version="1.0"?>\n{tostring(root, encoding="unicode")}\n'
 
 
-#: Start of the script; the rest is the same for all arms.
-_SCRIPT = '''\
-"""{name}: a planar arm in Exudyn.
-
-{explained}
-Run this file to print the path of the tip, or import it:
-
-    system, tip = build(angles={angles}, torque=lambda t: {torques})
-    times, x, y = run(system, tip, duration=1.0)
-"""
-
-import sys
-
-import exudyn
-import numpy as np
-from exudyn.itemInterface import NodeGenericODE2, ObjectKinematicTree, SensorKinematicTree
-
-#: One row per hinge: name, position (m) and angle (rad) of its axes on the body before, mass (kg),
-#: centre of mass (m), moment of inertia about it (kg m^2), stiffness (N m/rad), damping (N m s/rad)
-#: and angle of rest (rad) of its spring.
-HINGES = [
-{rows}
-]
-#: Driven hinges.
-DRIVEN = [k for k, row in enumerate(HINGES) if row[0].startswith("joint")]
-#: Tip on the last body, m.
-TIP = {tip}
-GRAVITY = {gravity}  # m/s^2
-STEP = {step}  # s
-
-
-'''
-
-
 @dataclass
 class _Part:
     """A hinge with the rigid body on it, to which welded ones are added.
@@ -526,7 +493,8 @@ def _exudyn_script(chain: RigidChain, masses: list[Body], name: str) -> str:
             tip = root + body.length * cmath.rect(1.0, angle)
     if not parts:
         raise InputError(Problem("arm", "has no joint that moves and no flexible link"))
-    head = _SCRIPT.format(
+    script = files("flexarm.bridges.rigid_chain") / "exudyn_script.txt"
+    return Template(script.read_text(encoding="utf-8")).substitute(
         name=name,
         explained=_explained(chain, ""),
         angles=[0.3] * len(chain.driven),
@@ -536,5 +504,3 @@ def _exudyn_script(chain: RigidChain, masses: list[Body], name: str) -> str:
         gravity=repr(tuple(map(float, chain.arm.spec.gravity))),
         step=_time_step(chain),
     )
-    rest = files("flexarm.bridges.rigid_chain") / "exudyn_script.txt"
-    return head + rest.read_text(encoding="utf-8")
