@@ -136,6 +136,8 @@ def _numbers(values: np.ndarray[Any, Any]) -> Any:
     return values.tolist() if values.dtype.kind in "OUST" else values
 
 
+#: Operations of one operand with the names of MATLAB.
+_SAME_NAMES = "SQRT EXP EXPM1 LOG LOG1P SIN COS TAN ATAN SINH COSH TANH SIGN"
 #: Expressions of CasADi's operations in terms of their operands.
 EXPRESSIONS = {
     "ASSIGN": "{0}",
@@ -149,21 +151,9 @@ EXPRESSIONS = {
     "TWICE": "2 * {0}",
     "POW": "{0} .^ {1}",
     "CONSTPOW": "{0} .^ {1}",
-    "SQRT": "sqrt({0})",
-    "EXP": "exp({0})",
-    "EXPM1": "expm1({0})",
-    "LOG": "log({0})",
-    "LOG1P": "log1p({0})",
-    "SIN": "sin({0})",
-    "COS": "cos({0})",
-    "TAN": "tan({0})",
-    "ATAN": "atan({0})",
-    "ATAN2": "atan2({0}, {1})",
-    "SINH": "sinh({0})",
-    "COSH": "cosh({0})",
-    "TANH": "tanh({0})",
+    **{name: f"{name.lower()}({{0}})" for name in _SAME_NAMES.split()},
     "FABS": "abs({0})",
-    "SIGN": "sign({0})",
+    "ATAN2": "atan2({0}, {1})",
     "FMIN": "min({0}, {1})",
     "FMAX": "max({0}, {1})",
 }

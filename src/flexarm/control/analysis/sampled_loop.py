@@ -390,7 +390,11 @@ def loop_of(
     plant = sampled_plant(model.A, model.B, readings, motors, controller.sample_time)
     if rate == 0.0 or reference is None:
         return SampledLoop(plant, linear_controller(controller, measured, reference, t, names))
-    turning = {item.labels[-1] for item in instruments if _is_rate(item)}
+    turning = {  # the readings of joint rates, also of those from filtered angles
+        item.labels[-1]
+        for item in instruments
+        if item.signal == "joint_rate" or (item.signal == "joint_angle" and len(item.labels) > 1)
+    }
     terms = []
     for factor, weight in _RATES:
         now = {k: v + factor * rate if k in turning else v for k, v in measured.items()}
@@ -411,9 +415,3 @@ def _reading(item: Instrument, signal: Signal) -> Reading:
     shape = (-1, 2) if item.signal == "contact_force" else (-1,)
     factor = faulty(np.ones(len(signal.C)).reshape(shape), gains, 0.0).reshape(-1, 1)
     return item, signal._replace(C=factor * signal.C, D=factor * signal.D)
-
-
-def _is_rate(item: Instrument) -> bool:
-    """Return whether the last reading of an instrument is a joint rate."""
-    filtered = item.signal == "joint_angle" and len(item.labels) > 1
-    return filtered or item.signal == "joint_rate"

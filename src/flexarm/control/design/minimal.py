@@ -80,11 +80,6 @@ class MinimalCoordinates:
         if actuated is not None:
             self._held = arm.joint_numbers[np.isin(arm.joint_index, self.chosen)].tolist()
 
-    @property
-    def are_all(self) -> bool:
-        """Whether the coordinates are those of the arm, and all joints have motors."""
-        return self.chosen.size == self.arm.dof and bool(np.all(self.driven))
-
     def closed(self, posture: FloatArray) -> FloatArray:
         """Return joint angles (joints,) near a posture with closed loops, by passive joints."""
         arm = self.arm

@@ -152,7 +152,6 @@ class KalmanFilter(StateEstimator):
         super().__post_init__()
 
     def _start(self, x: FloatArray, covariance: FloatArray) -> None:
-        """See ``StateEstimator._start``."""
         assert self._step is not None
         self._model = ArmModel(self._step, self._layout, self._noise, self._walk, self._mass)
         self._scale, parts = split(x + self._own * np.eye(x.size)[-1], covariance)  # kg
@@ -164,7 +163,6 @@ class KalmanFilter(StateEstimator):
             part.moved = np.zeros((part.x.size, self.arm.n_joints))
 
     def _correct(self, seen: PredictedReadings, readings: FloatArray) -> float:
-        """See ``StateEstimator._correct``."""
         from scipy.linalg import cho_factor, cho_solve
 
         # The innovation test needs the weights of the hypotheses before the update changes them.
@@ -184,7 +182,6 @@ class KalmanFilter(StateEstimator):
         return squared_innovation(readings - mean, covariance)
 
     def _predict(self) -> None:
-        """See ``StateEstimator._predict``."""
         for part in self._parts:
             self._propagate(part)
 
@@ -204,7 +201,6 @@ class KalmanFilter(StateEstimator):
             part.P[-1, -1] += np.log1p(wandered / self._moving(part.x) ** 2)
 
     def _moments(self) -> tuple[FloatArray, FloatArray]:
-        """See ``StateEstimator._moments``."""
         return moments(self._parts, self._scale, self._own)
 
     def _moving(self, x: FloatArray) -> float:

@@ -284,7 +284,6 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         return found
 
     def _start(self, x: FloatArray, covariance: FloatArray) -> None:
-        """See ``StateEstimator._start``."""
         joints = self.arm.n_joints
         walk = self._walk.copy()
         walk[-1] = self.sample_time * self.payload_drift**2
@@ -311,11 +310,9 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         self._unconverged += not converged
 
     def _moments(self) -> tuple[FloatArray, FloatArray]:
-        """See ``StateEstimator._moments``."""
         return self._current.x, self._current.P
 
     def _correct(self, seen: PredictedReadings, readings: FloatArray) -> float:
-        """See ``StateEstimator._correct``."""
         x, P, moved = self._current
         node = self._nodes[-1]
         expected = self._model.observe(seen, x, node.torque, np.zeros_like(node.torque))
@@ -332,7 +329,6 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         return squared
 
     def _predict(self) -> None:
-        """See ``StateEstimator._predict``."""
         last, none = self._nodes[-1], np.zeros(self.arm.n_joints)
         link = self._model.carry(last.x, self._torque, none)
         P = link.F @ self._current.P @ link.F.T + link.G @ link.G.T + np.diag(self._model.walk)

@@ -119,7 +119,7 @@ class LQG(LQGParameters, OfArm, Controller):
         coordinates = MinimalCoordinates(self.arm, self.actuated, np.asarray(self.posture))
         grid, passive = self._grid, ~coordinates.driven
         self._model = FlexibleModel(self.arm)
-        if coordinates.are_all:
+        if coordinates.chosen.size == self.arm.dof and np.all(coordinates.driven):
             return coordinates
         self._model = MechanismModel(coordinates)
         grid.postures = coordinates.closed_near(np.asarray(self.posture), grid.postures)
@@ -505,7 +505,6 @@ class Composite(CompositeParameters, LQG):
         super().__post_init__()
 
     def _scale_defaults(self, rate: float) -> None:
-        """See `LQG`."""
         if self.bandwidth is None:
             self.bandwidth = np.full(self.arm.n_joints, _BANDWIDTH * rate)
         bend = TIP * self.arm.reach

@@ -200,17 +200,15 @@ class HybridForce(HybridForceParameters, TaskController):
         damper = 2.0 * self.damping_ratio * self.frequency
         x_slip, y_slip = request.x_rate - x_rate, request.y_rate - y_rate
         x_off, y_off = request.x - x, request.y - y
-        if request.force <= 0.0:
-            memory["integral"], memory["touched"] = 0.0, False
-            x_pull = spring * (x_off + memory["x_integral"]) + damper * x_slip
-            y_pull = spring * (y_off + memory["y_integral"]) + damper * y_slip
-            free = (request.x_acceleration + x_pull, request.y_acceleration + y_pull)
-            return free, (0.0, 0.0)
-        # Remove the normal component of the position error, which the force control replaces.
-        across = nx * x_off + ny * y_off
-        x_off, y_off = x_off - across * nx, y_off - across * ny
+        if request.force > 0.0:
+            # Remove the normal component of the position error, which the force control replaces.
+            across = nx * x_off + ny * y_off
+            x_off, y_off = x_off - across * nx, y_off - across * ny
         x_pull = spring * (x_off + memory["x_integral"]) + damper * x_slip
         y_pull = spring * (y_off + memory["y_integral"]) + damper * y_slip
+        if request.force <= 0.0:
+            memory["integral"], memory["touched"] = 0.0, False
+            return (request.x_acceleration + x_pull, request.y_acceleration + y_pull), (0.0, 0.0)
         across = nx * x_pull + ny * y_pull
         gain = self.path_integral * self.sample_time
         memory["x_integral"] += gain * x_off
