@@ -477,9 +477,7 @@ def _length(record: MeasuredRecord) -> int:
 
 
 def _first_part(record: MeasuredRecord) -> MeasuredRecord:
-    data = record.data.isel(time=slice(0, _length(record)))
-    others = {key: getattr(record, key) for key in ("controller", "reference", "hardware")}
-    return MeasuredRecord(data, record.settings, **others)
+    return replace(record, data=record.data.isel(time=slice(0, _length(record))))
 
 
 def _initial_of(fitted: _Fitted) -> dict[str, float]:

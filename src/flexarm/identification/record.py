@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -463,8 +463,7 @@ def with_columns(
     data = dataset_of(record.data["time"].values, every | dict(columns))
     data = data.assign_attrs(record.data.attrs)
     data["time"].attrs |= record.data["time"].attrs
-    others = {key: getattr(record, key) for key in ("controller", "reference", "hardware")}
-    return MeasuredRecord(data, settings, **others)
+    return replace(record, data=data, settings=settings)
 
 
 def treated(

@@ -109,7 +109,34 @@ class Identification:
     @public_call
     def to_dataset(self) -> xr.Dataset:
         """Return the whole result as one dataset, for ``write_result`` and ``report``."""
-        return _stored(self)
+        tables = {name: getattr(self, name) for name in _TABLES}
+        tables |= {f"record_{k}": table for k, table in enumerate(self.histories.values())}
+        # NetCDF has no names of nothing.
+        kept = {
+            name: table.drop_dims([dim for dim, size in table.sizes.items() if not size])
+            for name, table in tables.items()
+        }
+        parts: list[xr.Dataset] = [
+            table.rename({str(key): f"{name}.{key}" for key in {*table.variables, *table.dims}})
+            for name, table in kept.items()
+            if table.data_vars
+        ]
+        attributes: dict[str, Any] = {
+            **{name: list(getattr(self, name)) for name in _SENTENCES},
+            "noise": dict(self.noise),
+            "starts": list(self.starts),
+            "converged": self.converged,
+            "method": self.method,
+            "torque_noise": None if self.torque_noise is None else self.torque_noise.tolist(),
+            "histories": list(self.histories),
+            "arms": {name: file_text(arm.spec) for name, arm in self.arms.items()},
+            "motors": None if self.motors is None else content_of(self.motors),
+        }
+        return xr.merge(parts).assign_attrs(
+            flexarm_version=self.flexarm_version,
+            arm=file_text(self.arm.spec),
+            **{_KIND: json.dumps(attributes)},
+        )
 
     @classmethod
     @public_call
@@ -119,7 +146,32 @@ class Identification:
         Raises:
             InputError: if the dataset does not contain an identification.
         """
-        return cls(**_restored(check_kind("dataset", dataset, xr.Dataset)))
+        check_kind("dataset", dataset, xr.Dataset)
+        if _KIND not in dataset.attrs:
+            raise InputError(Problem("dataset", "does not contain an identification"))
+        try:
+            given = json.loads(dataset.attrs[_KIND])
+            names = given.pop("histories")
+            fields: dict[str, Any] = {name: _table(dataset, name) for name in _TABLES}
+            for name in ("parameters", "initial"):
+                fields[name] = fields[name] or _no_parameters()
+            fields["validation"] = fields["validation"] or fields["fit"].isel(record=slice(0, 0))
+            fields["histories"] = {name: _history(dataset, k) for k, name in enumerate(names)}
+            noise, motors = given["torque_noise"], given["motors"]
+            fields |= {
+                **given,
+                **{name: tuple(given.get(name, ())) for name in _SENTENCES},
+                "starts": tuple(given["starts"]),
+                "torque_noise": None if noise is None else np.array(noise),
+                "motors": None if motors is None else Motors(**motors),
+                "flexarm_version": dataset.attrs["flexarm_version"],
+                "arm": _arm(dataset.attrs["arm"]),
+                "arms": {name: _arm(text) for name, text in given["arms"].items()},
+            }
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            rule = f"contains a damaged identification: {type(error).__name__}"
+            raise InputError(Problem("dataset", rule)) from None
+        return cls(**fields)
 
     @public_call
     def write(self, path: AnyPath) -> None:
@@ -295,67 +347,6 @@ def aligned(rows: list[tuple[Any, ...]]) -> str:
 _KIND = "identification"
 _SENTENCES = ("undetermined", "missing", "alternatives", "findings")
 _TABLES = ("parameters", "initial", "fit", "validation", "stages")
-
-
-def _stored(result: Identification) -> xr.Dataset:
-    """Return an identification as one dataset."""
-    tables = {name: getattr(result, name) for name in _TABLES}
-    tables |= {f"record_{k}": table for k, table in enumerate(result.histories.values())}
-    # NetCDF has no names of nothing.
-    kept = {
-        name: table.drop_dims([dim for dim, size in table.sizes.items() if not size])
-        for name, table in tables.items()
-    }
-    parts: list[xr.Dataset] = [
-        table.rename({str(key): f"{name}.{key}" for key in {*table.variables, *table.dims}})
-        for name, table in kept.items()
-        if table.data_vars
-    ]
-    attributes: dict[str, Any] = {
-        **{name: list(getattr(result, name)) for name in _SENTENCES},
-        "noise": dict(result.noise),
-        "starts": list(result.starts),
-        "converged": result.converged,
-        "method": result.method,
-        "torque_noise": None if result.torque_noise is None else result.torque_noise.tolist(),
-        "histories": list(result.histories),
-        "arms": {name: file_text(arm.spec) for name, arm in result.arms.items()},
-        "motors": None if result.motors is None else content_of(result.motors),
-    }
-    return xr.merge(parts).assign_attrs(
-        flexarm_version=result.flexarm_version,
-        arm=file_text(result.arm.spec),
-        **{_KIND: json.dumps(attributes)},
-    )
-
-
-def _restored(dataset: xr.Dataset) -> dict[str, Any]:
-    """Return the fields of an identification from its dataset."""
-    if _KIND not in dataset.attrs:
-        raise InputError(Problem("dataset", "does not contain an identification"))
-    try:
-        given = json.loads(dataset.attrs[_KIND])
-        names = given.pop("histories")
-        fields: dict[str, Any] = {name: _table(dataset, name) for name in _TABLES}
-        for name in ("parameters", "initial"):
-            fields[name] = fields[name] or _no_parameters()
-        fields["validation"] = fields["validation"] or fields["fit"].isel(record=slice(0, 0))
-        fields["histories"] = {name: _history(dataset, k) for k, name in enumerate(names)}
-        noise, motors = given["torque_noise"], given["motors"]
-        return {
-            **fields,
-            **given,
-            **{name: tuple(given.get(name, ())) for name in _SENTENCES},
-            "starts": tuple(given["starts"]),
-            "torque_noise": None if noise is None else np.array(noise),
-            "motors": None if motors is None else Motors(**motors),
-            "flexarm_version": dataset.attrs["flexarm_version"],
-            "arm": _arm(dataset.attrs["arm"]),
-            "arms": {name: _arm(text) for name, text in given["arms"].items()},
-        }
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        rule = f"contains a damaged identification: {type(error).__name__}"
-        raise InputError(Problem("dataset", rule)) from None
 
 
 def _no_parameters() -> xr.Dataset:

@@ -167,8 +167,7 @@ def _instants(column: Any) -> NDArray[Any] | None:
             return None
         column = pd.to_datetime(column, format="ISO8601", utc=True, errors="coerce")
     zone = column.dt.tz
-    dates: NDArray[Any] = np.asarray(column if zone is None else column.dt.tz_convert(None))
-    return dates
+    return np.asarray(column if zone is None else column.dt.tz_convert(None))
 
 
 def _netcdf(path: Path) -> Table:

@@ -80,42 +80,35 @@ def model_functions(model: CasadiModel) -> list[NamedFunction]:
     functions = []
     for name, (output, summary) in _FUNCTIONS.items():
         if name != "strain" or model.arm.gauges:
-            functions.append(_of_model(name, output, summary, getattr(model, name)))
+            function = getattr(model, name)
+            inputs = {key: _symbol(key, function) for key in function.name_in()}
+            values = casadi.vertcat(*function.call(list(inputs.values())))
+            functions.append(named(name, summary, inputs, {output: values}))
     q, parameters = _symbol("q", model.tip), _symbol("parameters", model.tip)
     inputs = {"q": q, "parameters": parameters}
     jacobian = casadi.jacobian(model.tip(q, parameters), q)
     summary = "Derivative of the tip by the coordinates: rows x, y, angle."
     functions.append(named("tip_jacobian", summary, inputs, {"jacobian": jacobian}))
+    inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
+    after = runge_kutta(model.forward_dynamics, inputs)
+    outputs = dict(zip(("q_next", "qd_next"), after, strict=True))
+    summary = "State after a step of the classical Runge-Kutta method, torque and force constant."
+    functions.append(named("step", summary, inputs, outputs))
     # A Runge-Kutta method is linear in its stages. Therefore the step of matrices [value,
     # derivatives] is the step itself, over accelerations and their derivatives by CasADi.
     n, m = model.arm.dof, model.arm.n_joints
     of_columns = dynamics_of_columns(model, ("q", "qd", "torque"))
-    inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
     columns = with_derivatives({name: inputs[name] for name in ("q", "qd", "torque")})
-    after = casadi.vertcat(*runge_kutta(of_columns, inputs | columns))
-    outputs = {"by_state": after[:, 1 : 2 * n + 1]}
+    slopes = casadi.vertcat(*runge_kutta(of_columns, inputs | columns))
+    outputs = {"by_state": slopes[:, 1 : 2 * n + 1]}
     if m:
-        outputs["by_torque"] = after[:, 2 * n + 1 :]
+        outputs["by_torque"] = slopes[:, 2 * n + 1 :]
     summary = "Derivatives of a step, exact to rounding."
-    return [*functions, _step(model), named("step_jacobian", summary, inputs, outputs)]
+    return [*functions, named("step_jacobian", summary, inputs, outputs)]
 
 
 def _symbol(name: str, function: Any) -> Any:
     return casadi.SX.sym(name, function.size1_in(name))
-
-
-def _of_model(name: str, output: str, summary: str, function: Any) -> NamedFunction:
-    inputs = {key: _symbol(key, function) for key in function.name_in()}
-    values = casadi.vertcat(*function.call(list(inputs.values())))
-    return named(name, summary, inputs, {output: values})
-
-
-def _step(model: CasadiModel) -> NamedFunction:
-    """Return one step under a constant torque."""
-    inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
-    after = runge_kutta(model.forward_dynamics, inputs)
-    summary = "State after a step of the classical Runge-Kutta method, torque and force constant."
-    return named("step", summary, inputs, dict(zip(("q_next", "qd_next"), after, strict=True)))
 
 
 def with_derivatives(values: Mapping[str, Any]) -> dict[str, Any]:

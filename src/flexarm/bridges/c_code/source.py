@@ -153,7 +153,8 @@ def header(export: Exported) -> str:
     lines += ["", "/* Longest stable step about straight links, s. */"]
     lines += [f"#define {export.macro('LARGEST_STEP')} {export.largest_step!r}", ""]
     if export.parameters:
-        places = parameter_places(export)
+        plain = str.maketrans({"[": "_", ".": "_", "]": ""})
+        places = [export.macro(path.translate(plain)) for path in export.parameters]
         commas = [*[","] * (len(places) - 1), ""]
         entries = zip(places, commas, export.parameters, strict=True)
         lines += ["/* Places of the parameters in their array. */", "enum {"]
@@ -182,12 +183,6 @@ def _coordinates(export: Exported) -> str:
     rows = zip(names[: export.arm.dof], units, strict=False)
     listed = [f" *   q[{k}]  {name}, {unit}" for k, (name, unit) in enumerate(rows)]
     return "\n".join([" *", " * Coordinates, numbered from 1 by link and mode:", *listed, ""])
-
-
-def parameter_places(export: Exported) -> list[str]:
-    """Return the names of the places of parameters, such as ``ARM_PAYLOAD_MASS``."""
-    plain = str.maketrans({"[": "_", ".": "_", "]": ""})
-    return [export.macro(path.translate(plain)) for path in export.parameters]
 
 
 def _comment(export: Exported, function: NamedFunction) -> str:

@@ -312,8 +312,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
 
     def task_values(self, tick: int) -> FloatArray:
         """Return the task's values of the observation at a sample time."""
-        values: FloatArray = self.task_table[min(tick, len(self.task_table) - 1)]
-        return values
+        return np.asarray(self.task_table[min(tick, len(self.task_table) - 1)])
 
     def target(self, tick: int) -> FloatArray:
         """Return the target position of the tip (2,) at a sample time, m."""

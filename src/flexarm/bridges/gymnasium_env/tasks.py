@@ -368,8 +368,7 @@ class TrackForceEnv(_LineEnv):
         force = mean - amplitude * np.cos(phase)
         rate = amplitude * np.sin(phase) * 2.0 * np.pi / self.period
         normal = np.tile(self.normal, (len(times), 1))
-        table: FloatArray = np.column_stack([*self.line_columns(times), normal, force, rate])
-        return table
+        return np.asarray(np.column_stack([*self.line_columns(times), normal, force, rate]))
 
     # Observation and reward ----------------------------------------------------------------------
 

@@ -332,8 +332,7 @@ class KernelCalls:
         state = self._state(q, _zeros(q))
         symbolic(mass_matrix)(self._sizes, self.constants, state, self._work(), M)
         kept = self.arm.assembly.coordinates
-        matrix: Objects = M.reshape(n * width, n * width)[np.ix_(kept, kept)]
-        return matrix
+        return np.asarray(M.reshape(n * width, n * width)[np.ix_(kept, kept)])
 
     def energy(self, q: Objects, qd: Objects) -> Objects:
         """Return kinetic, strain and gravity energy (3,)."""
@@ -356,8 +355,7 @@ class KernelCalls:
         strains = np.zeros((1, len(self.gauge_bodies)), dtype=object)
         states = self._state(q, _zeros(q))[None]
         symbolic(gauge_strains)(self._sizes, states, self.gauge_bodies, self.gauge_rows, strains)
-        values: Objects = strains[0]
-        return values
+        return np.asarray(strains[0])
 
     def point_motions(self, q: Objects, qd: Objects, torque: Objects, stations: Loads) -> Objects:
         """Return position, velocity and accelerations of points; columns as in the kernel."""

@@ -240,8 +240,7 @@ class JaxModel:
         parameters: ArrayLike | None = None,
     ) -> Array:
         """Return the accelerations qdd (dof,) under joint torques."""
-        given = {"q": q, "qd": qd, "torque": torque, "tip_force": tip_force}
-        return self._call("forward_dynamics", given, parameters)
+        return self._call("forward_dynamics", parameters, q, qd, torque, tip_force)
 
     def residual(
         self,
@@ -254,9 +253,8 @@ class JaxModel:
         closure_forces: ArrayLike | None = None,
     ) -> Array:
         """Return M qdd + bias - torque (dof,): zero on a motion; N m in the rows of joints."""
-        given = {"q": q, "qd": qd, "qdd": qdd, "torque": torque, "tip_force": tip_force}
-        given["closure_forces"] = closure_forces
-        return self._call("residual", given, parameters)
+        forces = torque, tip_force, closure_forces
+        return self._call("residual", parameters, q, qd, qdd, *forces)
 
     def inverse_dynamics(
         self,
@@ -268,35 +266,33 @@ class JaxModel:
         closure_forces: ArrayLike | None = None,
     ) -> Array:
         """Return the generalised force (dof,) for given accelerations, M qdd + bias."""
-        given = {"q": q, "qd": qd, "qdd": qdd, "tip_force": tip_force}
-        given["closure_forces"] = closure_forces
-        return self._call("inverse_dynamics", given, parameters)
+        return self._call("inverse_dynamics", parameters, q, qd, qdd, tip_force, closure_forces)
 
     def bias_force(self, q: ArrayLike, qd: ArrayLike, parameters: ArrayLike | None = None) -> Array:
         """Return the force (dof,) at zero acceleration, with stiffness, damping and gravity."""
-        return self._call("bias_force", {"q": q, "qd": qd}, parameters)
+        return self._call("bias_force", parameters, q, qd)
 
     def mass_matrix(self, q: ArrayLike, parameters: ArrayLike | None = None) -> Array:
         """Return M (dof, dof) of the kinetic energy 1/2 qd' M qd."""
-        return self._call("mass_matrix", {"q": q}, parameters)
+        return self._call("mass_matrix", parameters, q)
 
     def energy(self, q: ArrayLike, qd: ArrayLike, parameters: ArrayLike | None = None) -> Energy:
         """Return kinetic, strain and gravity energy (J), and their ``total``."""
-        return Energy(*self._call("energy", {"q": q, "qd": qd}, parameters))
+        return Energy(*self._call("energy", parameters, q, qd))
 
     def tip(self, q: ArrayLike, parameters: ArrayLike | None = None) -> Array:
         """Return x, y (m) and angle (rad) of the last tip, (3,)."""
-        return self._call("tip", {"q": q}, parameters)
+        return self._call("tip", parameters, q)
 
     def tip_velocity(
         self, q: ArrayLike, qd: ArrayLike, parameters: ArrayLike | None = None
     ) -> Array:
         """Return the rates of x, y (m/s) and angle (rad/s) of the last tip, (3,)."""
-        return self._call("tip_velocity", {"q": q, "qd": qd}, parameters)
+        return self._call("tip_velocity", parameters, q, qd)
 
     def strain(self, q: ArrayLike, parameters: ArrayLike | None = None) -> Array:
         """Return the strain at each gauge, (gauges,)."""
-        return self._call("strain", {"q": q}, parameters)
+        return self._call("strain", parameters, q)
 
     def joint_reactions(
         self,
@@ -308,13 +304,11 @@ class JaxModel:
         closure_forces: ArrayLike | None = None,
     ) -> Array:
         """Return force and moment on each link at its root: (links, 3), Fx, Fy N, Mz N m."""
-        given = {"q": q, "qd": qd, "qdd": qdd, "tip_force": tip_force}
-        given["closure_forces"] = closure_forces
-        return self._call("joint_reactions", given, parameters)
+        return self._call("joint_reactions", parameters, q, qd, qdd, tip_force, closure_forces)
 
     def closure_gaps(self, q: ArrayLike, parameters: ArrayLike | None = None) -> Array:
         """Return how far the loops are from closed, (closure_rows,), as `Arm.closure_gaps`."""
-        return self._call("closure_gaps", {"q": q}, parameters)
+        return self._call("closure_gaps", parameters, q)
 
     def closure_forces(
         self,
@@ -325,13 +319,13 @@ class JaxModel:
         parameters: ArrayLike | None = None,
     ) -> Array:
         """Return the forces of closures (closure_rows,) under joint torques, N and N m."""
-        given = {"q": q, "qd": qd, "torque": torque, "tip_force": tip_force}
-        return self._call("closure_forces", given, parameters)
+        return self._call("closure_forces", parameters, q, qd, torque, tip_force)
 
-    def _call(self, name: str, given: dict[str, Any], parameters: Any) -> Any:
+    def _call(self, name: str, parameters: Any, *values: Any) -> Any:
         """Validate the arguments of a method and evaluate it in their common type."""
         import jax.numpy as jnp
 
+        given = dict(zip(_FUNCTIONS[name][0], values, strict=True))
         given["parameters"] = self.nominal if parameters is None else parameters
         try:
             arrays = {

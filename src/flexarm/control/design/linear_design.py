@@ -106,8 +106,7 @@ def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, 
 
 def rows_of(model: LinearModel, names: Sequence[str]) -> FloatArray:
     """Return the rows of C for the outputs of the named channels, in this order."""
-    taken: FloatArray = model.C[component_places(model.outputs, names)]
-    return taken
+    return np.asarray(model.C[component_places(model.outputs, names)])
 
 
 def sizes_of(argument: str, model: LinearModel, given: Mapping[str, ArrayLike]) -> FloatArray:
@@ -205,14 +204,12 @@ def bend_weight(unsure: float, stiffness: FloatArray, energy: float) -> FloatArr
     """Return the weight (k, k) of the elastic coordinates for an uncertain rigidity; (C.39)."""
     if unsure == 0.0:
         return np.zeros_like(stiffness)
-    weight: FloatArray = (unsure / _BEND) ** 2 / energy * stiffness
-    return weight
+    return np.asarray((unsure / _BEND) ** 2 / energy * stiffness)
 
 
 def columns_of(model: LinearModel, names: Sequence[str], B: FloatArray) -> FloatArray:
     """Return the columns of B for the named inputs, in this order."""
-    taken: FloatArray = B[:, component_places(model.inputs, names)]
-    return taken
+    return np.asarray(B[:, component_places(model.inputs, names)])
 
 
 def regulator(

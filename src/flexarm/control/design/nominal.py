@@ -470,8 +470,7 @@ def chord_matrix(arm: Arm) -> FloatArray:
     model, straight = FlexibleModel(arm), np.zeros(arm.n_joints)
     shapes = modes(arm, straight).shapes[: len(model.strains)]
     turned = model.chords(straight) @ shapes[:, model.elastic].T
-    rotations: FloatArray = turned @ np.linalg.pinv(model.strains @ shapes.T)
-    return rotations
+    return np.asarray(turned @ np.linalg.pinv(model.strains @ shapes.T))
 
 
 def strain_matrix(arm: Arm) -> FloatArray:

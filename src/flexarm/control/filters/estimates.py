@@ -323,5 +323,4 @@ class Estimates(NamedTuple):
     def _uncertain(self) -> NDArray[np.bool_]:
         """Whether each state has a variance; that of a known payload is zero."""
         variances = np.diagonal(self.covariance, axis1=1, axis2=2)
-        found: NDArray[np.bool_] = np.any(variances > 0, axis=0)
-        return found
+        return np.asarray(np.any(variances > 0, axis=0))

@@ -61,7 +61,6 @@ class Evaluated(NamedTuple):
     x: list[FloatArray]
     errors: list[FloatArray]
     last: FloatArray  # (s, v), derivative of x at the last sample
-    links: list[Link]
 
 
 class HorizonProblem:
@@ -141,7 +140,7 @@ class HorizonProblem:
         early = self._inverse @ (v[: self._active.size] - mean)
         residuals = [early, v[self._active.size : self._first]]
         slopes = [self._inverse @ unit[: self._active.size], unit[self._active.size : self._first]]
-        xs, errors, links = [x], [error], []
+        xs, errors = [x], [error]
         for k, node in enumerate(self._nodes):
             if k:
                 at = self._first + (k - 1) * self._each
@@ -156,14 +155,13 @@ class HorizonProblem:
                 slopes += [W, (X - X_before)[self._walking] / self._step[:, None]]
                 xs.append(x)
                 errors.append(error)
-                links.append(link)
             for seen, reading in node.readings:
                 found = model.observe(seen, x, node.torque, error)
                 deviation = np.sqrt(seen.variance)
                 residuals.append((found.values - reading) / deviation)
                 slopes.append((found.H @ X + found.D @ W) / deviation[:, None])
         whole, slope = np.concatenate(residuals), np.vstack(slopes)
-        return Evaluated(whole, slope, xs, errors, X, links)
+        return Evaluated(whole, slope, xs, errors, X)
 
     def solve(self) -> tuple[Evaluated, bool]:
         """Return the least squares within the bounds, and whether the search converged."""

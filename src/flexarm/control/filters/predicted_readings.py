@@ -225,8 +225,7 @@ class ArmModel:
     def changes(self, x: FloatArray) -> FloatArray:
         """Return the changes (1 + p,) of payload mass and parameters from their nominals."""
         numbers = np.append(self.mass(x)[0], x[self.layout.parameters])
-        changes: FloatArray = numbers - self.step.free.values
-        return changes
+        return np.asarray(numbers - self.step.free.values)
 
 
 def check_instruments(arm: Arm, instruments: Sequence[Instrument]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -59,7 +60,7 @@ class Measurement(Mapping[str, FloatArray]):
         return len(self._values)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _measurement, (self._values,)
+        return partial(Measurement, **self._values), ()
 
     def __getattr__(self, name: str) -> FloatArray:
         if name.startswith("_"):  # copy and pickle look these up before there are values
@@ -103,11 +104,6 @@ def _hint(name: str) -> str:
     if name == "contact_gap":
         return "Pass contacts= to simulate, and hardware= with an Instrument of this signal."
     return "Pass hardware= with an Instrument of this signal or name to simulate."
-
-
-def _measurement(values: dict[str, FloatArray]) -> Measurement:
-    """Create a measurement from its values, for unpickling."""
-    return Measurement(**values)
 
 
 #: Numbers of each run that `NoiseOfRuns` draws at once.

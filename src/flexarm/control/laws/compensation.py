@@ -231,8 +231,7 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Around):
             response = C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, push_all)
             gain = z[:, None] ** np.arange(-half, half + 1) @ weights
             later = z[:, None, None] ** lead
-            found: ComplexArray = gain[:, None, None] * (np.eye(joints) + later * response)
-            return found
+            return np.asarray(gain[:, None, None] * (np.eye(joints) + later * response))
 
         return _factors(maps, count, joints)
 
@@ -258,8 +257,7 @@ class RepetitiveControl(Parametrised, RepetitiveParameters, Around):
         half = self._half()
         j = np.arange(-half, half + 1)
         weights = np.sinc(2.0 * self.cutoff * self.sample_time * j) * np.hamming(j.size)
-        found: FloatArray = weights / np.sum(weights)
-        return found
+        return np.asarray(weights / np.sum(weights))
 
 
 def _factors(maps: Callable[[ComplexArray], ComplexArray], count: int, joints: int) -> FloatArray:

@@ -389,8 +389,7 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
             InputError: if t does not consist of numbers.
         """
         fading = np.exp(-self.decay * check_numbers("t", t))[..., None]
-        found: FloatArray = self.bound + (self.start_bound - self.bound) * fading
-        return found
+        return np.asarray(self.bound + (self.start_bound - self.bound) * fading)
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         error = inputs["reference_angle"] - readings.joint_angle

@@ -202,8 +202,7 @@ class MPC(MPCParameters, LQG):
         N, m = self.horizon, self.arm.n_joints
         by_torque, _, price = self._arrays.arrays[5:8]
         root = np.linalg.inv(np.linalg.cholesky(price)).T
-        by: FloatArray = (by_torque.reshape(-1, N, m) @ root).reshape(-1, N * m)
-        return by
+        return np.asarray((by_torque.reshape(-1, N, m) @ root).reshape(-1, N * m))
 
 
 def least_distance(matrix: FloatArray, floor: FloatArray) -> FloatArray | None:
@@ -229,8 +228,7 @@ def least_distance(matrix: FloatArray, floor: FloatArray) -> FloatArray | None:
     residual = dual @ weights - unit
     if residual[-1] == 0.0:
         return None
-    shortest: FloatArray = -size * residual[:-1] / residual[-1]
-    return shortest
+    return np.asarray(-size * residual[:-1] / residual[-1])
 
 
 def _lower(blocks: list[FloatArray]) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
-from flexarm.control.analysis.linear_controller import FrozenReference
+from flexarm.control.analysis.linear_controller import FrozenReference, LinearController
 from flexarm.control.contract.base import (
     Around,
     Arrays,
@@ -64,20 +64,6 @@ _DISTINCT = 1e-6
 #: of frequencies in which a mode is recognised, relative to that without control, and frequency
 #: relative to the range below which a pole is an integral.
 _GROWING, _NEAR, _INTEGRAL = -0.005, 1.2, 1e-6
-
-
-class ModalLaw(NamedTuple):
-    """Linear law x' = A x + B y, u = C x + D y in continuous time.
-
-    Attributes:
-        A, B, C, D: (n, n), (n, k), (2 k, n), (2 k, k). The input y (k,) is the modal signal of
-            (C.17), the output u is the motion (k,) of the joints in modal form, and its rate (k,).
-    """
-
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
 
 
 class StrainsAlong:
@@ -157,12 +143,15 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
 
     def _joint_motion(self, shapes: FloatArray, moved: FloatArray) -> FloatArray:
         """Return the motion of the joints (joints, k) per motion in modal form, u of (C.17)."""
-        motion: FloatArray = _inverse(moved, "be moved by the joints", len(moved))
-        return motion
+        return np.asarray(_inverse(moved, "be moved by the joints", len(moved)))
 
     @abstractmethod
-    def _law(self, omega: FloatArray) -> ModalLaw:
-        """Return the law for modes with angular frequencies omega (k,), rad/s."""
+    def _law(self, omega: FloatArray) -> LinearController:
+        """Return the law for modes with angular frequencies omega (k,), rad/s.
+
+        In continuous time, x' = A x + B y. The input y (k,) is the modal signal of (C.17), the
+        output u is the motion (k,) of the joints in modal form, and its rate (k,).
+        """
 
     @property
     def analytic(self) -> bool:  # type: ignore[override]
@@ -325,14 +314,14 @@ class PositivePositionFeedback(PositivePositionFeedbackParameters, StrainDamping
 
     references: ClassVar[str] = "GohCaughey1985 FansonCaughey1990"
 
-    def _law(self, omega: FloatArray) -> ModalLaw:
+    def _law(self, omega: FloatArray) -> LinearController:
         """See `StrainDamping._law`; (C.18)."""
         count = len(omega)
         one, zero = np.eye(count), np.zeros((count, count))
         ratio = 2.0 * self.damping_ratio
         stiffness, damping = np.diag(omega**2), np.diag(2.0 * ratio * omega)
         A, B = np.block([[zero, one], [-stiffness, -damping]]), np.vstack([zero, stiffness])
-        return ModalLaw(A, B, -(ratio**2) * np.eye(2 * count), np.zeros((2 * count, count)))
+        return LinearController(A, B, -(ratio**2) * np.eye(2 * count), np.zeros((2 * count, count)))
 
 
 class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):
@@ -351,7 +340,7 @@ class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):
 
     references: ClassVar[str] = "AphaleEtAl2007 PereiraEtAl2011 NamavarEtAl2014"
 
-    def _law(self, omega: FloatArray) -> ModalLaw:
+    def _law(self, omega: FloatArray) -> LinearController:
         """See `StrainDamping._law`; (C.19)."""
         count = len(omega)
         ratio = 1.0 + 2.0 * self.damping_ratio  # of the frequencies of pole and zero
@@ -359,7 +348,7 @@ class IntegralResonantControl(IntegralResonantControlParameters, StrainDamping):
         gain = np.diag(omega * np.sqrt(ratio) / (1.0 + through))
         one = np.eye(count)
         outputs = np.vstack([one, -through * gain]), np.vstack([0.0 * one, -gain])
-        return ModalLaw(-through * gain, -gain, *outputs)
+        return LinearController(-through * gain, -gain, *outputs)
 
 
 class WaveBasedControl(WaveBasedControlParameters, StrainDamping):
@@ -378,10 +367,11 @@ class WaveBasedControl(WaveBasedControlParameters, StrainDamping):
 
     references: ClassVar[str] = "OConnor2007"
 
-    def _law(self, omega: FloatArray) -> ModalLaw:
+    def _law(self, omega: FloatArray) -> LinearController:
         one = np.eye(len(omega))
         gain, leak = np.diag(2.0 * self.damping_ratio * omega), np.diag(self.leakage * omega)
-        return ModalLaw(-leak, -gain, np.vstack([one, -leak]), np.vstack([0.0 * one, -gain]))
+        outputs = np.vstack([one, -leak]), np.vstack([0.0 * one, -gain])
+        return LinearController(-leak, -gain, *outputs)
 
 
 #: Vibrations of the arm with free joints have at least this frequency, relative to the highest one.
@@ -420,13 +410,13 @@ class OutputRedefinition(OutputRedefinitionParameters, StrainDamping):
         """Return the rotations (joints, modes) of the chords relative to each other, rad."""
         return self._model.chords(np.asarray(self.posture)) @ shapes[:, self._model.elastic].T
 
-    def _law(self, omega: FloatArray) -> ModalLaw:
+    def _law(self, omega: FloatArray) -> LinearController:
         one = np.eye(len(omega))
         hertz = 0.05 * self.frequency_hz[0] if self.cutoff is None else self.cutoff
         passed, share = 2.0 * np.pi * hertz * one, self.weight * one
         change = share @ passed
         outputs = np.vstack([share, -change]), np.vstack([0.0 * one, change])
-        return ModalLaw(-passed, passed, *outputs)
+        return LinearController(-passed, passed, *outputs)
 
     def _warn_of_growth(self, highest: float) -> None:
         """Do nothing: a loop that does not follow exactly provides the damping."""

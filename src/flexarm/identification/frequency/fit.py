@@ -43,25 +43,6 @@ _DAMPED = 0.5
 _SAME_FREQUENCY, _SAME_DAMPING = 0.01, 0.1
 
 
-def fitted(
-    hertz: FloatArray,
-    response: ComplexArray,
-    deviation: FloatArray,
-    rates: NDArray[np.bool_],
-    count: int,
-) -> dict[str, Any]:
-    """Fit ``count`` modes to a response (F, outputs, inputs) at frequencies (F,) Hz.
-
-    ``deviation`` is that of the response, NaN where unknown; ``rates`` (outputs,) states whether an
-    output is the rate of a position. Return the arrays of `MeasuredModes` by name.
-    """
-    problem = _Rational(hertz, response, deviation, rates)
-    numbers, arrays = fitted_poles(problem, count)
-    residues, predicted = problem.residues(numbers)
-    lost = np.linalg.norm(response - predicted, axis=0) / np.linalg.norm(response, axis=0)
-    return {**arrays, "residues": residues, "fitted": predicted, "fit": 100.0 * (1.0 - lost)}
-
-
 def _share(value: FloatArray) -> FloatArray:
     """Return a number between 0 and 1."""
     from scipy.special import expit
@@ -87,6 +68,10 @@ class ModeProblem:
 
     def other_terms(self, rigid: float) -> list[FloatArray]:
         """Return the other weighted terms (rows, n) for each response."""
+        raise NotImplementedError
+
+    def residues(self, numbers: FloatArray) -> tuple[ComplexArray, NDArray[Any]]:
+        """Return residues (k, outputs, inputs), and what the fit predicts."""
         raise NotImplementedError
 
     def reweight(self, numbers: FloatArray) -> None:
@@ -183,11 +168,8 @@ class ModeProblem:
         return np.sqrt(np.maximum(np.diag(covariance)[1:], 0.0)).reshape(-1, 2)
 
 
-def fitted_poles(problem: ModeProblem, count: int) -> tuple[FloatArray, dict[str, Any]]:
-    """Fit 1 to ``count`` modes; return the numbers, and the arrays of `MeasuredModes` for poles.
-
-    The poles are sorted by their frequency.
-    """
+def fitted_modes(problem: ModeProblem, count: int) -> dict[str, Any]:
+    """Fit 1 to ``count`` modes; return the arrays of `MeasuredModes`, sorted by frequency."""
     numbers, each = problem.start, []
     for number in range(1, count + 1):
         numbers = np.concatenate([numbers, problem.next_pole(numbers)])
@@ -199,7 +181,10 @@ def fitted_poles(problem: ModeProblem, count: int) -> tuple[FloatArray, dict[str
     numbers = np.concatenate([numbers[:1], poles[order].ravel()])
     deviations = problem.deviations(numbers)
     hertz, share = np.exp(poles[order, 0]) / (2.0 * np.pi), _share(poles[order, 1])
-    return numbers, {
+    residues, predicted = problem.residues(numbers)
+    return {
+        "residues": residues,
+        "fitted": predicted,
         "frequency_hz": hertz,
         "damping_ratio": _DAMPED * share,
         "frequency_deviation": hertz * deviations[:, 0],
@@ -237,8 +222,12 @@ def _diagram(each: list[ComplexArray]) -> xr.Dataset:
     )
 
 
-class _Rational(ModeProblem):
-    """Weighted errors of a frequency response."""
+class RationalProblem(ModeProblem):
+    """Weighted errors of a response (F, outputs, inputs) at frequencies (F,) Hz.
+
+    ``deviation`` is that of the response, NaN where unknown; ``rates`` (outputs,) states whether an
+    output is the rate of a position.
+    """
 
     def __init__(
         self,
@@ -276,7 +265,6 @@ class _Rational(ModeProblem):
         return self._weighted(np.stack([omega**2 / below, omega * self._s / below], axis=1))
 
     def residues(self, numbers: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return residues (k, outputs, inputs), and the response of the fit."""
         poles = numbers[1:].reshape(-1, 2)
         omega, root = np.exp(poles[:, 0]), root_of(poles)
         residues, response = [], []

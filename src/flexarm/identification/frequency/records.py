@@ -19,7 +19,7 @@ from flexarm.identification.frequency.fit import (
     ComplexArray,
     MeasuredModes,
     ModeProblem,
-    fitted_poles,
+    fitted_modes,
     root_of,
 )
 from flexarm.identification.frequency.response import POOR, alike_records, check_band
@@ -76,17 +76,13 @@ def measured_modes(
     if problem.values.shape[0] < 2 * needed:
         rule = f"contain at least {2 * needed} samples for {count} modes"
         raise InputError(Problem("records", rule, str(problem.values.shape[0])))
-    numbers, arrays = fitted_poles(problem, count)
-    residues, predicted = problem.residues(numbers)
-    measured, valid = problem.measured, problem.valid
-    columns = zip(measured.T, predicted.T, valid.T, strict=True)
+    arrays = fitted_modes(problem, count)
+    columns = zip(problem.measured.T, arrays["fitted"].T, problem.valid.T, strict=True)
     fit = np.array([fit_percent(m[v], p[v]) for m, p, v in columns])
     names = tuple(label.text for label in outputs)
     warn_of_fits(dict(zip(names, fit.tolist(), strict=True)), *POOR)
     return MeasuredModes(
         **arrays,
-        residues=residues,
-        fitted=predicted,
         fit=fit,
         outputs=names,
         inputs=tuple(label.text for label in inputs),
@@ -204,7 +200,6 @@ class _OverTime(ModeProblem):
         return np.sqrt(np.diag(covariance)[1:]).reshape(-1, 2)
 
     def residues(self, numbers: FloatArray) -> tuple[ComplexArray, FloatArray]:
-        """Return residues (k, outputs, inputs), and the outputs (samples, outputs) of the fit."""
         count, m = numbers.size // 2, self._driven[0][0].shape[1]
         others, width = 3 * m + 2 * len(self._times), 2 * (m + len(self._times))
         factors = [self.linear(matrix, q) for q, matrix in enumerate(self.matrices(numbers))]

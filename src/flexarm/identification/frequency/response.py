@@ -23,7 +23,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
-from flexarm.identification.frequency.fit import MeasuredModes, fitted
+from flexarm.identification.frequency.fit import MeasuredModes, RationalProblem, fitted_modes
 from flexarm.identification.record import (
     MEASURED,
     Label,
@@ -110,9 +110,13 @@ class FrequencyResponse:
             rule = f"contain at least {2 * count + _SPARE} frequencies for {count} modes"
             raise InputError(Problem("band", rule, shown(int(np.count_nonzero(inside)))))
         rates = np.array([MEASURED[one.channel].unit.endswith("/s") for one in self._labels])
-        fit = fitted(
-            self.frequency_hz[inside], self.response[inside], self.deviation[inside], rates, count
+        measured = self.response[inside]
+        problem = RationalProblem(
+            self.frequency_hz[inside], measured, self.deviation[inside], rates
         )
+        fit = fitted_modes(problem, count)
+        missed = np.linalg.norm(measured - fit["fitted"], axis=0)
+        fit["fit"] = 100.0 * (1.0 - missed / np.linalg.norm(measured, axis=0))
         names = [f"{output} to {given}" for output in self.outputs for given in self.inputs]
         warn_of_fits(dict(zip(names, fit["fit"].ravel().tolist(), strict=True)), *POOR)
         return MeasuredModes(**fit, outputs=self.outputs, inputs=self.inputs, _labels=self._labels)

@@ -32,7 +32,6 @@ from flexarm.model.quantities import Count, NonNegative, Positive
 from flexarm.planning.learning.bench import (
     AddedTorque,
     Bench,
-    Window,
     check_linear,
     joint_errors,
     window_of,
@@ -148,13 +147,30 @@ def iterative_learning(
     check_options(options, _OPTIONS, "iterative_learning")
     check_linear(controller, arm, reference)
     window = window_of(arm, reference, controller, duration, interval)
-    choice = _Choice(effort, change, proportional, derivative, lead, cutoff).checked(arm.n_joints)
+    rates = _per_joint("derivative", derivative, arm.n_joints)
+    gains = None
+    if proportional is not None:
+        gains = _per_joint("proportional", proportional, arm.n_joints)
+    if gains is None and (np.any(rates) or lead):
+        raise InputError(Problem("proportional", "is required with derivative or lead"))
+    if gains is not None and change:
+        raise InputError(Problem("change", "cannot be combined with proportional"))
+    if gains is None and effort + change == 0.0:
+        hint = "Without them, the torques would be arbitrarily large."
+        raise InputError(Problem("effort", "be positive if change is 0", "0", hint))
     bench = Bench(arm, reference, window, output, plant, hardware, trial, options)
     none = np.zeros((window.intervals, arm.n_joints))
     with one_warning() as bent:
         unchanged = AddedTorque(controller, none, window.interval)
         P = bench.model(unchanged)
-        law = choice.law(P, arm, reference, window, output)
+        if gains is None:
+            law = norm_optimal(P, effort, change)
+        else:
+            inverse = joint_errors(arm, reference, window, output)
+            ahead = min(round(lead / window.interval), window.intervals - 1)
+            law = proportional_derivative(inverse, gains, rates, ahead, window.interval)
+        if cutoff is not None:
+            law = filtered(law, arm.n_joints, cutoff, window.interval)
         learned = _learn(bench, unchanged, law, P, trials)
     warn_of_first(bent)
     return learned
@@ -191,47 +207,6 @@ def _learn(
     history = np.array(torques), np.array(errors), np.array(predicted)
     rates = rate, bound, rate_of_change
     return LearnedMotion(controller, controller.interval, *history, *rates, bench.result)
-
-
-class _Choice(NamedTuple):
-    """Parameters of a law, with the meaning that ``iterative_learning`` gives them."""
-
-    effort: float
-    change: float
-    proportional: Any
-    derivative: Any
-    lead: float
-    cutoff: float | None
-
-    def checked(self, joints: int) -> _Choice:
-        """Return the validated parameters of a law: numbers of one law only, positive or zero."""
-        proportional, effort, change = self.proportional, self.effort, self.change
-        derivative = _per_joint("derivative", self.derivative, joints)
-        if proportional is not None:
-            proportional = _per_joint("proportional", proportional, joints)
-        if proportional is None and (np.any(derivative) or self.lead):
-            raise InputError(Problem("proportional", "is required with derivative or lead"))
-        if proportional is not None and change:
-            raise InputError(Problem("change", "cannot be combined with proportional"))
-        if proportional is None and effort + change == 0.0:
-            hint = "Without them, the torques would be arbitrarily large."
-            raise InputError(Problem("effort", "be positive if change is 0", "0", hint))
-        return self._replace(proportional=proportional, derivative=derivative)
-
-    def law(
-        self, P: FloatArray, arm: Arm, reference: Reference, window: Window, output: str
-    ) -> _Law:
-        """Return the law for a lifted model ``P`` (N p, N joints)."""
-        if self.proportional is None:
-            law = norm_optimal(P, self.effort, self.change)
-        else:
-            inverse = joint_errors(arm, reference, window, output)
-            lead = min(round(self.lead / window.interval), window.intervals - 1)
-            gains = self.proportional, self.derivative
-            law = proportional_derivative(inverse, *gains, lead, window.interval)
-        if self.cutoff is None:
-            return law
-        return filtered(law, arm.n_joints, self.cutoff, window.interval)
 
 
 def _per_joint(name: str, value: ArrayLike, joints: int) -> FloatArray:

@@ -312,16 +312,10 @@ def _angle_range(given: Any) -> tuple[FloatArray, FloatArray]:
     if not (array or isinstance(given, list | tuple)) or len(given) != 2:
         raise InputError(Problem("joint_angle", rule, shown(given)))
     lower, upper = (check_numbers("joint_angle", part, rule) for part in given)
-    if max(lower.ndim, upper.ndim) > 1 or not _less(lower, upper):
+    alike = max(lower.ndim, upper.ndim) < 2 and len({1, lower.size, upper.size}) < 3
+    if not (alike and np.all(lower < upper)):
         raise InputError(Problem("joint_angle", rule, shown(given)))
     return lower, upper
-
-
-def _less(lower: FloatArray, upper: FloatArray) -> bool:
-    try:
-        return bool(np.all(lower < upper))
-    except ValueError:  # lists of different lengths
-        return False
 
 
 class Quantities(NamedTuple):
