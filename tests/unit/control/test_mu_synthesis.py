@@ -96,15 +96,9 @@ def test_uncertain_plant_contains_the_varied_arms(signs, gravity, step, error):
     """Constant blocks of +-1 give the response of the varied arm with the damping of the design."""
     arm, rigidity, payload = robust_arm(gravity=(0.0, gravity)), 0.1, 0.2
     bandwidth, posture = np.full(2, 8.0), np.array(POSTURE)
-    plant = uncertain_plant(
-        arm,
-        posture,
-        bandwidth,
-        rigidity=rigidity,
-        payload=payload,
-        sensitivity=2.0,
-        sample_time=step,
-    )
+    uncertain = {"rigidity_uncertainty": rigidity, "payload_uncertainty": payload}
+    given = SimpleNamespace(posture=posture, bandwidth=bandwidth, sensitivity=2.0, **uncertain)
+    plant = uncertain_plant(arm, given, step)
     of_each = (len(plant.blocks) - 1) // 2
     delta = np.repeat(np.repeat(signs, of_each), plant.blocks[:-1])
     omega = np.array([0.5, 3.0, 12.0, 30.0])

@@ -240,12 +240,7 @@ def preview_gain(item: Design, steps: int, stride: int) -> FloatArray:
 
     push, _ = regulated(item)
     inner = item.torque_weight + push.T @ item.cost @ push
-    return _previewed(item, solve(inner, push.T, assume_a="pos"), steps, stride)
-
-
-def preview_cost(item: Design, steps: int, stride: int) -> FloatArray:
-    """Return s_k of (C.27), by elastic forces as for ``preview_gain``: (n + k, ...) for joints."""
-    return _previewed(item, regulated(item)[1].T, steps, stride)
+    return previewed(item, solve(inner, push.T, assume_a="pos"), steps, stride)
 
 
 def regulated(item: Design) -> tuple[FloatArray, FloatArray]:
@@ -256,8 +251,8 @@ def regulated(item: Design) -> tuple[FloatArray, FloatArray]:
     return push, np.asarray(whole - push @ item.gain)
 
 
-def _previewed(item: Design, left: FloatArray, steps: int, stride: int) -> FloatArray:
-    """Return ``left`` times the cost of elastic forces, for each node of the preview."""
+def previewed(item: Design, left: FloatArray, steps: int, stride: int) -> FloatArray:
+    """Return ``left`` times s_k of (C.27), the cost of elastic forces, for each preview node."""
     loop, forced = regulated(item)[1], item.cost[:, : len(item.A)] @ item.B_elastic
     gains = np.zeros((len(left), 1 + steps // stride, forced.shape[1]))
     for i in range(steps):

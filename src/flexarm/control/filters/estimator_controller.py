@@ -6,12 +6,12 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.control.contract.base import (
+    Around,
     Controller,
     ControllerRequirements,
     FloatArray,
     Measurement,
     Reference,
-    report_of,
     requirements_of,
 )
 from flexarm.control.contract.parametrised import Parametrised
@@ -22,7 +22,7 @@ from flexarm.model.drives.around import EstimatorParameters
 _ESTIMATED = ("joint_angle", "joint_rate", "q", "qd", "payload_mass", "disturbance")
 
 
-class EstimatorController(Parametrised, EstimatorParameters, Controller):
+class EstimatorController(Parametrised, EstimatorParameters, Around):
     """Controller that passes the estimates of a filter to an inner controller.
 
     The measurement of the inner controller has the estimated ``joint_angle`` and ``joint_rate``,
@@ -44,20 +44,11 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
         self._commanded: FloatArray | None = None
         self.estimator.sample_time = self.inner.sample_time
 
-    @property
-    def sample_time(self) -> float:
-        """Sample time of the inner controller, s."""
-        return self.inner.sample_time
-
-    @sample_time.setter
-    def sample_time(self, value: float) -> None:
-        self.inner.sample_time = self.estimator.sample_time = value
-
     def reset(self) -> None:
         """Clear the state of the previous run, including the filter and the inner controller."""
         self.estimator.sample_time = self.inner.sample_time
         self.estimator.reset()
-        self.inner.reset()
+        super().reset()
         self._commanded = None
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
@@ -75,10 +66,9 @@ class EstimatorController(Parametrised, EstimatorParameters, Controller):
 
     def report(self) -> dict[str, float]:
         """Return the reports of the estimator and of the inner controller."""
-        return self.estimator.report() | report_of(self.inner)
+        return self.estimator.report() | super().report()
 
     def update(self, t: float, measurement: Measurement, reference: Reference | None) -> FloatArray:
-        """See ``Controller.update``."""
         estimator = self.estimator
         if self._commanded is not None:
             estimator.predict(measurement.get("torque", self._commanded))

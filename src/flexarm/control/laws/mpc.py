@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference, Step, applied
-from flexarm.control.design.linear_design import Design, preview_cost, regulated
+from flexarm.control.design.linear_design import Design, previewed, regulated
 from flexarm.control.design.nominal import Nominal
 from flexarm.control.laws.lqg import LQG
 from flexarm.linear.step_derivatives.sampled_step import SampledSteps, Steps
@@ -302,7 +302,7 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         super()._prepare()
 
     def _node(self, item: Design) -> list[FloatArray]:
-        beyond = preview_cost(item, self._previewed, self._stride)
+        beyond = previewed(item, regulated(item)[1].T, self._previewed, self._stride)
         own = [item.weight, item.cost, item.torque_weight, item.integrated]
         return [*LQG._node(self, item), *own, beyond.reshape(len(beyond), -1)]
 

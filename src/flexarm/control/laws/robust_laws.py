@@ -243,9 +243,7 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
                     warn_caller(text, FlexarmWarning)
         self._sample_time = sample_time
         with one_warning() as bent:
-            varied = self.rigidity_uncertainty, self.payload_uncertainty, self.sensitivity
-            point = np.asarray(self.posture), bandwidth
-            plant = uncertain_plant(self.arm, *point, *varied, sample_time)
+            plant = uncertain_plant(self.arm, self, sample_time)
         warn_of_first(bent)
         self._synthesise(plant)
         self.reset()
@@ -327,23 +325,16 @@ class UncertainPlant(NamedTuple):
     model: LinearModel  # the linear model of the arm itself
 
 
-def uncertain_plant(
-    arm: Arm,
-    posture: FloatArray,
-    bandwidth: FloatArray,
-    rigidity: float,
-    payload: float,
-    sensitivity: float,
-    sample_time: float,
-) -> UncertainPlant:
+def uncertain_plant(arm: Arm, given: MuSynthesisParameters, sample_time: float) -> UncertainPlant:
     """Return the plant of a design at rest in a posture, with the uncertainty of varied arms."""
-    arm = without_dry_friction(arm)
+    posture, bandwidth = np.asarray(given.posture), np.asarray(given.bandwidth)
+    rigidity, arm = given.rigidity_uncertainty, without_dry_friction(arm)
     model = linearize(arm, equilibrium(arm, posture), outputs=("joint_angle", "joint_rate"))
     n, slope = arm.dof, model.A.copy()
     # Full complex blocks contain negative loss factors, with which light damping is unstable.
     slope[n:, n:] -= added_damping(arm, model, DAMPING * rigidity)
     root, shown = shaping(arm, posture, bandwidth)
-    changes = _changes(arm, posture, model, rigidity, payload)
+    changes = _changes(arm, posture, model, rigidity, given.payload_uncertainty)
     pushes = [-np.linalg.solve(model.mass, factor) for _, factor, _ in changes]
     push = np.hstack([np.zeros((n, 0)), *pushes])
     inputs = np.hstack([np.vstack([0.0 * push, push]), model.B @ root])
@@ -361,7 +352,7 @@ def uncertain_plant(
     first = sum(blocks)
     nominal = A, B[:, first:], C[first:], D[first:, first:]
     corner = _SENSITIVITY_BANDWIDTH * float(np.min(bandwidth))
-    whole = _with_performance((A, B, C, D), first, corner, sensitivity)
+    whole = _with_performance((A, B, C, D), first, corner, given.sensitivity)
     return UncertainPlant(whole, nominal, (*blocks, 2 * arm.n_joints), root, shown, model)
 
 
