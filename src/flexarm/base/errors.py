@@ -13,7 +13,8 @@ import inspect
 import math
 import sys
 import warnings
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import wraps
 from reprlib import Repr
@@ -217,6 +218,12 @@ def problems_of(check: Callable[..., object], *arguments: object) -> tuple[Probl
     return ()
 
 
+def raise_any(problems: Collection[Problem]) -> None:
+    """Raise an `InputError` if there are problems."""
+    if problems:
+        raise InputError(*problems)
+
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -415,6 +422,14 @@ def warn_caller(text: str, category: type[Warning]) -> None:
     while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] == package:
         frame, level = frame.f_back, level + 1
     warnings.warn(text, category, stacklevel=level)
+
+
+@contextmanager
+def without_warnings(kind: type[Warning] = FlexarmWarning) -> Iterator[None]:
+    """Ignore warnings of a kind, by default all of this package, of the calls within."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", kind)
+        yield
 
 
 def called_by_user() -> bool:

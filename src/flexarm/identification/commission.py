@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import sys
 import time
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -16,11 +15,11 @@ import xarray as xr
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import (
     FlexarmError,
-    FlexarmWarning,
     InputError,
     Problem,
     SimulationError,
     public_call,
+    without_warnings,
 )
 from flexarm.identification import fitting
 from flexarm.identification.assessment import fits_by_channel, information_of
@@ -157,8 +156,7 @@ def commission(
     shown = progress or (progress is None and sys.stderr.isatty())
     rough = {**options, "rtol": max(rtol, _ROUGH), "contacts": contacts}
     work = _Commissioning(arm, fitted, motors, {k: v for k, v in rough.items() if v}, shown)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FlexarmWarning)
+    with without_warnings():
         work.go_through(parameters)
         case, every = work.case, list(work.free.values())
         fitted, held = fitted if unseen else work.parts, unseen or work.last_parts()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError
+from flexarm.base.errors import FlexarmError, InputError, without_warnings
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Case, Space, initial_argument, of_records
 from flexarm.integrate.base import FloatArray
@@ -501,8 +500,7 @@ def _by_duals(
     exact = _exact_places(run, paths)
     while exact:
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", FlexarmWarning)
+            with without_warnings():
                 # Without a second run: derivatives better than the runs are not needed.
                 dual = sensitivities(
                     Arm(case.spec),

@@ -24,6 +24,7 @@ from flexarm.base.errors import (
     Problem,
     SimulationError,
     public_call,
+    raise_any,
     shown,
     warn_caller,
 )
@@ -371,8 +372,7 @@ def _check_rates(runs: Sequence[RecordRun]) -> None:
         for run in runs
         if abs(run.record.rate / first.record.rate - 1.0) > _SAME_RATE
     ]
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
 
 
 def _fits(

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmError, InputError, Problem
+from flexarm.base.errors import FlexarmError, InputError, Problem, raise_any
 from flexarm.control.filters.predicted_readings import LINEAR_SIGNALS, reading_rows
 from flexarm.identification.fitting import Fit, FitFailure, FitProblem, Watch
 from flexarm.identification.record import MeasuredRecord, place_of
@@ -75,8 +75,7 @@ class PredictedRun(RecordRun):
                 if item.kind not in ("gain", "remove_mean"):
                     problems.append(Problem(f"filters: {channel}", f"{item.kind} {with_error}"))
         problems = [replace(problem, where=name) for problem in problems]
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         super().__init__(name, record, arm, options)
         self.gains: _Gains | None = None
         settings = record.settings

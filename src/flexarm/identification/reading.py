@@ -17,6 +17,7 @@ from flexarm.base.errors import (
     Problem,
     nearest,
     public_call,
+    raise_any,
     warn_caller,
 )
 from flexarm.control.contract.base import Controller, Reference
@@ -232,8 +233,7 @@ def _columns(
             rule = f"have {source.times.size} samples as the time"
             problems.append(Problem(place, rule, str(values.size)))
         columns[label] = _Samples(times, factor * values)
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     return columns
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_dataset, check_kind, check_mapping, check_posture
-from flexarm.base.errors import InputError, Problem, nearest, public_call, shown
+from flexarm.base.errors import InputError, Problem, nearest, public_call, raise_any, shown
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Hardware
@@ -332,8 +332,7 @@ class MeasuredRecord:
         if settings.initial_angle is not None:
             check_posture("initial_angle", settings.initial_angle, len(settings.initial_angle))
         problems = [*_time_problems(self.times), *self._problems()]
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
 
     @property
     def times(self) -> FloatArray:
@@ -537,8 +536,7 @@ def check_inputs(records: Mapping[str, MeasuredRecord]) -> None:
         for name, record in records.items()
         if not record.driven and record.settings.input is None
     ]
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
 
 
 def _time_problems(times: FloatArray) -> list[Problem]:

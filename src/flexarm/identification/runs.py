@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -18,6 +17,7 @@ from flexarm.base.errors import (
     Problem,
     SimulationError,
     warn_caller,
+    without_warnings,
 )
 from flexarm.identification.record import (
     INERTIAL,
@@ -165,15 +165,13 @@ class RecordRun:
         """Return the outputs of a case with signals (samples, joints) added to the input."""
         late = case.errors.get(f"delays.{self.record.input}", 0.0)
         drives = [self._history(self.samples + signal, late) for signal in signals]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FlexarmWarning)
+        with without_warnings():
             return self._open_loop([case] * len(signals), drives)
 
     def rates(self, case: Case) -> FloatArray | str:
         """Return the joint rates (samples, joints) of a case, or the reason of its failure."""
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", FlexarmWarning)
+            with without_warnings():
                 result = simulate(Arm(case.spec), progress=False, **self.arguments(case))
         except FlexarmError as error:
             return str(error)
@@ -181,8 +179,7 @@ class RecordRun:
 
     def simulate(self, cases: Sequence[Case]) -> list[FloatArray | str]:
         """Return the outputs (samples, channels) of each case, or the reason of its failure."""
-        with warnings.catch_warnings():  # the final arm is what users are warned of
-            warnings.simplefilter("ignore", FlexarmWarning)
+        with without_warnings():  # the final arm is what users are warned of
             if self.record.controller is not None:
                 return [self._controlled(case) for case in cases]
             return self._open_loop(cases)
@@ -347,8 +344,7 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
     for k, run in enumerate(runs):
         case = space.case(k, space.start)
         arm = Arm(case.spec)
-        with warnings.catch_warnings():  # the fit does not use this model
-            warnings.simplefilter("ignore", FlexarmWarning)
+        with without_warnings():  # the fit does not use this model
             place = run.state(arm, case)[0] if arm.closure_rows else None
             frequency = modes(arm, q=place).frequency_hz
         frequency = frequency[frequency > 0.0]

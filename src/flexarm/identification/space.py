@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.closed import assembled, independent_motions
-from flexarm.base.errors import InputError, Problem, nearest, problems_of, shown
+from flexarm.base.errors import InputError, Problem, nearest, problems_of, raise_any, shown
 from flexarm.control.design.arm_scales import size_of_zero, typical_rate
 from flexarm.identification.record import Label, MeasuredRecord, columns_of, place_of
 from flexarm.integrate.base import FloatArray
@@ -93,8 +93,7 @@ class Space:
             problems += refusals or self._start_problems(name, parameter)
             if not problems:
                 slots += self._slots_of(parameter)
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         for k, record in enumerate(records.values()):
             rate = _RATE * self._rate
             slots += _initial_slots(arm, k, self._names[k], record, rate)

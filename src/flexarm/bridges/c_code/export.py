@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_path
-from flexarm.base.errors import InputError, Problem, public_call, shown
+from flexarm.base.errors import InputError, Problem, public_call, raise_any, shown
 from flexarm.base.writing.places import check_folder, write_text
 from flexarm.bridges.symbolic.models import CasadiModel, exported_model
 from flexarm.control.contract.base import Controller, check_controller
@@ -87,8 +87,7 @@ def export_c(
         if not replaceable:
             hint = "It is not from an earlier export. Use another folder or name."
             problems.append(Problem(shown(str(existing)), "already exists", hint=hint))
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     check_folder("folder", place)
     for text, file in zip(texts.values(), files, strict=True):
         write_text(text, file)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.base.errors import FlexarmWarning
+from flexarm.base.errors import without_warnings
 from flexarm.bridges.c_code.observer import Observer
 from flexarm.bridges.c_code.source import Exported, array, origin
 from flexarm.bridges.c_code.traced_law import (
@@ -89,9 +88,8 @@ def record(export: Exported) -> Recording:
     M = arm.mass_matrix(np.zeros(arm.dof))[arm.joint_index, arm.joint_index]
     phase = np.linspace(0.0, 2.0 * np.pi, count)[:, None] * np.arange(1, arm.n_joints + 1)
     torque = 3.0 * M * np.sin(phase)
-    with warnings.catch_warnings():
+    with without_warnings():
         # The run only compares two programs: it may leave the validity of the theory.
-        warnings.simplefilter("ignore", FlexarmWarning)
         run = simulate(
             arm,
             count * step,
@@ -225,9 +223,8 @@ def _rounded(values: dict[str, FloatArray], seed: int) -> dict[str, FloatArray]:
 
 def record_observer(observer: Observer, samples: int) -> tuple[dict[str, FloatArray], FloatArray]:
     """Return the inputs (samples, size) of the filter by name, and its estimates, in rows."""
-    with warnings.catch_warnings():
+    with without_warnings():
         # The run only compares two programs: it may leave the validity of the theory.
-        warnings.simplefilter("ignore", FlexarmWarning)
         inputs = _readings(observer.filter, samples)
         return inputs, estimates(observer.filter, inputs)
 

@@ -22,6 +22,7 @@ from flexarm.base.errors import (
     SimulationError,
     check_array,
     public_call,
+    raise_any,
     shown,
 )
 from flexarm.bridges.gymnasium_env.picture import Picture
@@ -244,8 +245,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
             for name, rule, value, right in rules
             if value is not None and not right
         ]
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         hardware = hardware or Hardware()
         if torque_limit is None:
             given = self.laboratory_torque if arm is None else None

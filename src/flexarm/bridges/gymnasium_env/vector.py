@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import channels_of
 from flexarm.base.arguments import check_count
-from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.base.errors import InputError, Problem, check_array, public_call, raise_any, shown
 from flexarm.base.processes import check_workers
 from flexarm.bridges.gymnasium_env.base import ArmEnv, FloatArray, Vector, exact_instruments
 from flexarm.bridges.gymnasium_env.tasks import ReachEnv, TrackPathEnv
@@ -77,8 +77,7 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
             if arguments.get(name):
                 reason = "is not supported in a vector environment"
                 problems.append(Problem(name, reason, hint=_SYNC))
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         self._task = task = self.kind(**arguments)
         arm = task.plant.arm
         refuse_bristles(arm, "a vector environment", hint=_SYNC)

@@ -25,7 +25,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_count
-from flexarm.base.errors import InputError, Problem, public_call
+from flexarm.base.errors import InputError, Problem, public_call, raise_any
 from flexarm.base.writing.places import check_place, write_text
 from flexarm.model import Joint, Link, ModalDamping, SectionTable
 from flexarm.model.arm.spec import serial_only
@@ -68,8 +68,7 @@ def rigid_chain(arm: Arm, count: int) -> RigidChain:
         for name in _UNSUPPORTED
         if getattr(joint, name)
     ]
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     links: list[Link] = []
     joints: list[Joint] = []
     starts = []
@@ -236,8 +235,7 @@ def bodies(chain: RigidChain) -> list[Body]:
         for body in chain_bodies
         if body.mass <= 0.0 or body.inertia <= 0.0
     ]
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     return chain_bodies
 
 

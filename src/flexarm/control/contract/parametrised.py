@@ -13,10 +13,10 @@ from pydantic import Field, ValidationError
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_kind, check_positive
 from flexarm.base.errors import (
-    InputError,
     Problem,
     problems_of,
     public_call,
+    raise_any,
     shown,
     unknown_arguments,
 )
@@ -74,8 +74,7 @@ class Parametrised(Parameters):
         problems += wrong
         if "sample_time" in found and all(problem.name != "sample_time" for problem in problems):
             problems += problems_of(check_positive, "sample_time", found["sample_time"])
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         for name, item in _shared(kind).items():
             found[name] = _kept(item, checked.get(name, found[name]), joints)
         vars(self).update(found)

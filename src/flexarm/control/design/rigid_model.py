@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, raise_any, shown
 from flexarm.control.contract.base import Reference, SampledFeedforward, numbers
 from flexarm.control.design.minimal import drifting
 from flexarm.control.hardware.measurement import FloatArray
@@ -284,8 +284,7 @@ def _directions(rigid: Arm, names: Sequence[str]) -> list[FloatArray]:
             problems.append(Problem("parameters", rule, shown(name), nearest(name, known)))
         elif name in names[:i]:
             problems.append(Problem("parameters", f"repeats {name!r}"))
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     return [_direction(rigid, name) for name in names]
 
 

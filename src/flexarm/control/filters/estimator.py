@@ -23,7 +23,7 @@ from flexarm.base.arguments import (
     check_nonnegative,
     check_numbers,
 )
-from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.base.errors import InputError, Problem, check_array, public_call, raise_any, shown
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import rigid_inertias, typical_rate, typical_torque
 from flexarm.control.filters.estimates import Estimates, InnovationTest, Layout
@@ -246,8 +246,7 @@ class StateEstimator(FilterParameters, OfArm, ABC):
                 if name not in labels:
                     rule = f"have names of instruments of the filter ({', '.join(labels)})"
                     problems.append(Problem(argument, rule, shown(name)))
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
 
     def reset(self) -> None:
         """Clear the estimate; the next ``correct`` starts from its readings."""

@@ -14,7 +14,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from flexarm.base.errors import AccuracyWarning, InputError, Problem, shown, warn_caller
+from flexarm.base.errors import AccuracyWarning, Problem, raise_any, shown, warn_caller
 from flexarm.control.filters.estimates import innovation_covariance, squared_innovation
 from flexarm.control.filters.estimator import MASS, StateEstimator
 from flexarm.control.filters.kalman_filter import square_root
@@ -254,8 +254,7 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         for key, high in (self.upper_bounds or {}).items():
             if not self._bounded.get(key, -np.inf) < high:
                 problems.append(Problem("upper_bounds", f"exceed the lower bound of {key}"))
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         lower, upper = self._limited = (
             self._limits(self._bounded, -np.inf),
             self._limits(self.upper_bounds, np.inf),
@@ -269,8 +268,7 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
         torques = self._layout.disturbance
         if np.any(lower[torques] > 0.0) or np.any(upper[torques] < 0.0):
             problems.append(Problem("bounds", "contain the start of the disturbance", "0"))
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
 
     def _limits(self, given: Mapping[str, float] | None, infinite: float) -> FloatArray:
         """Return bounds (s,) of the estimated numbers."""

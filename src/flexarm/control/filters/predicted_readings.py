@@ -13,7 +13,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import IntArray
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.arguments import check_numbers
-from flexarm.base.errors import InputError, Problem, few, one_of, shown
+from flexarm.base.errors import InputError, Problem, few, one_of, raise_any, shown
 from flexarm.control.filters.estimates import Layout
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 from flexarm.kernels.compilation.cache import Entry
@@ -243,8 +243,7 @@ def check_instruments(arm: Arm, instruments: Sequence[Instrument]) -> None:
     if "joint_angle" not in [item.signal for item in instruments]:
         rule = "do not measure 'joint_angle', from which the estimate starts"
         problems.append(Problem("instruments", rule))
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
 
 
 def reading_rows(arm: Arm, item: Instrument) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_each
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, raise_any, shown
 from flexarm.control.contract.base import (
     JOINTS,
     Arrays,
@@ -201,8 +201,7 @@ class Adaptive(AdaptiveParameters, SlidingController):
             for name in named
             if name not in self.parameters
         ]
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
 
     @property
     def estimate(self) -> dict[str, float]:

@@ -20,6 +20,7 @@ from flexarm.base.errors import (
     Problem,
     check_array,
     public_call,
+    raise_any,
     shown,
     warn_caller,
 )
@@ -220,8 +221,7 @@ def alike_records(
             problems.append(Problem(name, f"has other delays or filters than {names[0]}"))
         if abs(record.rate / first.rate - 1.0) > 1e-6:
             problems.append(Problem(name, f"has another rate than {names[0]}, {first.rate:g} Hz"))
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     return given, inputs, outputs
 
 

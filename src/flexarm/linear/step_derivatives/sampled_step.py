@@ -16,7 +16,15 @@ from flexarm.arm.assembly.assemble import FloatArray, IntArray
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.closed import refuse_opening
 from flexarm.base.arguments import check_list_of
-from flexarm.base.errors import InputError, Problem, check_array, problems_of, public_call, shown
+from flexarm.base.errors import (
+    InputError,
+    Problem,
+    check_array,
+    problems_of,
+    public_call,
+    raise_any,
+    shown,
+)
 from flexarm.integrate import INTEGRATORS, REMOVED
 from flexarm.integrate.base import Drive, System
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
@@ -322,8 +330,7 @@ class FreeParameters:
 
     def __init__(self, arm: Arm, paths: Sequence[str], name: str = "parameters") -> None:
         problems = [p for path in paths for p in problems_of(_check, arm, path, name)]
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         self._arm, self._paths = arm, tuple(paths)
         self.values = np.array([number_at(name, arm.spec, path) for path in paths])
         self._exact = ArmConstants(*(a.astype(complex) for a in arm.assembly.constants))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -14,12 +13,12 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_count, check_kind, check_mapping
 from flexarm.base.errors import (
-    FlexarmWarning,
     InputError,
     Problem,
     SimulationError,
     check_array,
     public_call,
+    without_warnings,
 )
 from flexarm.identification.assessment import Identifiability, predicted
 from flexarm.identification.record import MeasuredRecord
@@ -153,8 +152,7 @@ def optimal_excitation(
     first = _chosen(full, check_count("lines", lines, 2))
     first.samples(rate, whole)  # checks the rate
     experiment = _Experiment(arm, parameters, limits, dict(noise), whole, rate, angles, first)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FlexarmWarning)
+    with without_warnings():
         begin = experiment.largest(first)
         initial = experiment.identifiability(experiment.run(begin))
         values = np.linalg.eigvalsh(initial.information)

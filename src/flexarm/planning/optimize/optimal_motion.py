@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -22,6 +21,7 @@ from flexarm.base.errors import (
     check_array,
     public_call,
     warn_caller,
+    without_warnings,
 )
 from flexarm.linear import equilibrium, modes
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
@@ -221,8 +221,7 @@ def simulated(task: Task, plant: Arm, plan: Plan) -> xr.Dataset:
         np.clip(_PERIODS / slowest, _SHORTEST_END * plan.duration, _LONGEST_END * plan.duration)
     )
     periods = np.max(task.vibrations, initial=0.0) * plan.duration / (2.0 * np.pi)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LargeDeflectionWarning)  # once, for the last plan
+    with without_warnings(LargeDeflectionWarning):  # once, for the last plan
         return simulate(
             plant,
             plan.duration + after,
@@ -482,8 +481,7 @@ def _corrected(task: Task, plan: Plan) -> Plan:
     # method on the simulation finds the least change of the torques after which the arm is at rest:
     # its Jacobian is that of the steps of the integrator, `goal_gradient`.
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LargeDeflectionWarning)  # only the last run matters
+        with without_warnings(LargeDeflectionWarning):  # only the last run matters
             return _Correction(task, plan).plan()
     except FlexarmError:  # the simulation failed; the verification reports it
         return plan

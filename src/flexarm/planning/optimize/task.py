@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_limits, check_nonnegative, check_numbers
-from flexarm.base.errors import InputError, Problem, problems_of, public_call, shown
+from flexarm.base.errors import InputError, Problem, problems_of, public_call, raise_any, shown
 from flexarm.integrate.implicit.gauss import gauss_coefficients
 from flexarm.linear import Equilibrium, equilibrium, modes
 from flexarm.model import RoundWall, Wall
@@ -118,8 +118,7 @@ def task_of(
                 rule = f"permit the {name}, where {where}"
                 problems.append(Problem(f"limits.{bound.name}", rule, permitted))
     problems += _too_short(end - start, duration, bounds)
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     return Task(arm, *ends, objective, duration, torque, torque_rate, bounds, count)
 
 
@@ -301,8 +300,7 @@ class MotionLimits:
                 rule = f"be less than the radius of the circle around the arm, {wall.radius:.6g} m"
                 problems = [Problem("clearance", rule, shown(self.clearance))]
                 break
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
 
 
 def _angle_range(given: Any) -> tuple[FloatArray, FloatArray]:

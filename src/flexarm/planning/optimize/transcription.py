@@ -11,14 +11,13 @@ Reference: J. T. Betts, Practical Methods for Optimal Control and Estimation Usi
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.base.errors import LargeDeflectionWarning
+from flexarm.base.errors import LargeDeflectionWarning, without_warnings
 from flexarm.bridges.symbolic.models import casadi_model
 from flexarm.control.design.input_shaping import shaped
 from flexarm.motion import Motion, joint_motion, rigid_torque
@@ -366,8 +365,7 @@ def plan_of(task: Task, motion: Motion, intervals: int) -> Plan:
     arm, begin, duration = task.arm, motion.start_time, motion.duration
     start = task.start.q.copy()
     start[arm.joint_index] = motion.joint_angle(0.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LargeDeflectionWarning)  # only the result matters
+    with without_warnings(LargeDeflectionWarning):  # only the result matters
         run = simulate(
             arm,
             motion.end_time,

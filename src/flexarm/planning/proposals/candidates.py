@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
@@ -11,7 +10,7 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
-from flexarm.base.errors import FlexarmError, FlexarmWarning
+from flexarm.base.errors import FlexarmError, without_warnings
 from flexarm.cases.scenario.references import Followed, motion_of
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.control.analysis.margins import (
@@ -460,8 +459,7 @@ class Loops:
         and of each setting until it is not better than another one.
         """
         found = []
-        with warnings.catch_warnings():  # the table shows what they warn of
-            warnings.simplefilter("ignore", FlexarmWarning)
+        with without_warnings():  # the table shows what they warn of
             for k, drive in enumerate(candidate.drives):
                 report(k / len(candidate.drives))
                 try:

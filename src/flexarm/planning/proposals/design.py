@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import textwrap
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -14,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import (
-    FlexarmWarning,
     InputError,
     Problem,
     SimulationError,
@@ -22,6 +20,7 @@ from flexarm.base.errors import (
     public_call,
     shown,
     warn_caller,
+    without_warnings,
 )
 from flexarm.base.writing.places import AnyPath, check_place, write_text
 from flexarm.cases.scenario.scenario import prepare
@@ -336,8 +335,7 @@ def _table(
             else:
                 yield Evaluation(failure=f"{NOT_SIMULATED}, because it {found[name].refusal}.")
 
-    with warnings.catch_warnings():  # the table has the warnings of the runs
-        warnings.simplefilter("ignore", FlexarmWarning)
+    with without_warnings():  # the table has the warnings of the runs
         study = PreparedStudy(StudySpec(**{**content, "plants": plants}, drives=drives))
         names = study.names | {"controller": list(found)}
         runs = comparison(names, evaluations(runs_of(names)), progress=False)
