@@ -320,7 +320,9 @@ class _Commissioning:
             fitted = self._fitted(case, free, following)
         except FlexarmError:
             return None, False
-        initial, self._initial = self._initial, _initial_of(fitted)
+        slots = zip(fitted.problem.space.slots, fitted.fit.vector.tolist(), strict=True)
+        initial = self._initial
+        self._initial = {slot.name: value for slot, value in slots if slot.initial}
         kept = self._judged(name, fitted.case, before, started, following)
         if kept:
             self.free |= fitted.free
@@ -476,11 +478,6 @@ def _length(record: MeasuredRecord) -> int:
 
 def _first_part(record: MeasuredRecord) -> MeasuredRecord:
     return replace(record, data=record.data.isel(time=slice(0, _length(record))))
-
-
-def _initial_of(fitted: _Fitted) -> dict[str, float]:
-    slots = zip(fitted.problem.space.slots, fitted.fit.vector.tolist(), strict=True)
-    return {slot.name: value for slot, value in slots if slot.initial}
 
 
 def _can_follow(arm: Arm, record: MeasuredRecord) -> bool:

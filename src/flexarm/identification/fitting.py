@@ -192,7 +192,12 @@ class FitProblem:
         self, vector: FloatArray, outputs: list[FloatArray], robust: bool
     ) -> tuple[list[FloatArray], float]:
         """Estimate the noise; return the outputs with it, and its largest relative change."""
-        old, self.noise = self.noise, self.noise_of(outputs, robust)
+        old = self.noise
+        least = {text: max(_LEAST * size, 1e-300) for text, size in self._signals.items()}
+        self.noise = {
+            text: old[text] if text in self.fixed else max(size, least[text])
+            for text, size in self.rms_of(outputs, robust).items()
+        }
         return outputs, max((abs(self.noise[t] / old[t] - 1.0) for t in old), default=0.0)
 
     def cost(self, vector: FloatArray, outputs: Sequence[FloatArray]) -> float:
@@ -208,14 +213,6 @@ class FitProblem:
         """Return a fit with the present noise."""
         cost = self.cost(vector, outputs)
         return Fit(vector, cost, outputs, dict(self.noise), self.evaluations, converged)
-
-    def noise_of(self, outputs: Sequence[FloatArray], robust: bool) -> dict[str, float]:
-        """Return the noise of each channel, its estimate or the fixed one."""
-        least = {text: max(_LEAST * size, 1e-300) for text, size in self._signals.items()}
-        return {
-            text: self.noise[text] if text in self.fixed else max(size, least[text])
-            for text, size in self.rms_of(outputs, robust).items()
-        }
 
     def rms_of(self, outputs: Sequence[FloatArray], robust: bool = False) -> dict[str, float]:
         """Return the RMS of each channel's residuals, or ``robust`` 1.4826 times their median."""

@@ -39,7 +39,9 @@ def plan_over(law: Any, arm: Arm, array: _Array, t: float = 0.0) -> Arrays | Non
     """
     if not any(map(exports_plan, around(law))):
         return None
-    outside = any(not _planned_here(part) for part in around(law) if exports_plan(part))
+    # Plans that this package wrote may read the reference at other times.
+    plans = (type(part).planned.__module__ for part in around(law) if exports_plan(part))
+    outside = not all(module.startswith("flexarm.") for module in plans)
     now = float("nan") if outside else t
     reference: Any = ReferenceInputs(array, arm.n_joints, now=now if outside else None)
     sizes = {"path_speed": 1, "reference_force_rate": 1, "path_position": 2}
@@ -71,11 +73,6 @@ def _has_nan(planned: Arrays) -> bool:
     places = range(function.n_instructions())
     constants = (k for k in places if function.instruction_id(k) == casadi.OP_CONST)
     return any(np.isnan(function.instruction_constant(k)) for k in constants)
-
-
-def _planned_here(controller: Any) -> bool:
-    """Return whether this package wrote a plan, which may read the reference at other times."""
-    return str(type(controller).planned.__module__).startswith("flexarm.")
 
 
 class ReferenceInputs:

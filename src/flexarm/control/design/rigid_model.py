@@ -45,7 +45,12 @@ class RigidModel:
 
     def __init__(self, arm: Arm, actuated: Sequence[int] | None = None) -> None:
         self.arm = arm.rigid()
-        self._base = _free_base(self.arm) if self.arm.assembly.base else None
+        self._base = FollowingBase(self.arm) if self.arm.assembly.base else None
+        if drifting(self.arm).size < len(self.arm.assembly.base):  # no instrument reads its place
+            rule = (
+                "is not supported for a base with springs or dampers, or that turns under gravity"
+            )
+            raise InputError(Problem("the rigid model of a controller", rule))
         fixed = self.arm if self._base is None else self._base.fixed
         closed = actuated is not None or self.arm.closure_rows
         self._actuation = Actuation(fixed, actuated) if closed else None
@@ -113,19 +118,6 @@ class RigidModel:
             P = self._actuation.motions(angle)
             return np.asarray(P.T @ mass @ P)
         return mass.copy()  # in the layout of that of several, for the same rounding of products
-
-
-def _free_base(rigid: Arm) -> FollowingBase:
-    """Return the base of a rigid arm on whose place and rate no force depends.
-
-    Raises:
-        InputError: if springs, dampers or gravity move the base, which no instrument reads.
-    """
-    base = FollowingBase(rigid)
-    if drifting(rigid).size < len(rigid.assembly.base):
-        rule = "is not supported for a base with springs or dampers, or that turns under gravity"
-        raise InputError(Problem("the rigid model of a controller", rule))
-    return base
 
 
 #: Number of corrections of the sag at the first call. Each one reduces the error by about the ratio

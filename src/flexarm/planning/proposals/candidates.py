@@ -147,7 +147,9 @@ def _of_position(needs: Requirements) -> Iterator[Candidate]:
         )
         yield Candidate("loop shaping", reason, tuple(_shaping(needs)))
     reason = "The simplest loop of the joints, along the joint angles of the bent arm."
-    yield Candidate(_JOINT_LOOPS[_integrates(needs)], reason, tuple(_joint_loops(needs)))
+    loops = (_joint_loop(needs, *pair) for pair in product(_BANDWIDTHS, _DAMPINGS))
+    different = {repr(loop): loop for loop in loops}  # the lag limits some to the same
+    yield Candidate(_JOINT_LOOPS[_integrates(needs)], reason, tuple(different.values()))
 
 
 def _of_force(needs: Requirements) -> Iterator[Candidate]:
@@ -223,12 +225,6 @@ def _joint_loop(needs: Requirements, factor: float, damping: float) -> Drive:
         if needs.torque_limit is not None:
             drive["torque_limit"] = rounded(needs.torque_limit)
     return drive | {"sample_time": needs.sample_time}
-
-
-def _joint_loops(needs: Requirements) -> Iterator[Drive]:
-    """Yield joint loops of all frequencies, without repeating those that the lag limits."""
-    loops = (_joint_loop(needs, *pair) for pair in product(_BANDWIDTHS, _DAMPINGS))
-    yield from {repr(loop): loop for loop in loops}.values()
 
 
 def _resonant(needs: Requirements) -> Iterator[Drive]:
