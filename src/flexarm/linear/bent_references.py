@@ -6,11 +6,11 @@ Quasi-static: links bend statically under inertia and gravity, with the tip on i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -67,15 +67,6 @@ _MOST_ACROSS, _PATH_INSTANTS = 0.5, 201
 _STILL = 1e-3
 
 
-class PressedPosture(NamedTuple):
-    """Equilibrium of the bent arm at one instant, with the contact force at its tip."""
-
-    angle: FloatArray  # (joints,) rad
-    torque: FloatArray  # (joints,) N m, in equilibrium
-    pressing: FloatArray  # (joints,) N m, minus the torque of the rigid model
-    q: FloatArray  # (dof,)
-
-
 class PressedMotion:
     """Reference for force control: a motion of the joints and the force at the tip.
 
@@ -106,18 +97,18 @@ class PressedMotion:
         search = _Search(arm, motion, friction)
         with one_warning():
             held = [search.at(t, force(t), normal(t)) for t in times.tolist()]
+        angle, torque, pressing, self._bent = map(np.array, zip(*held, strict=True))
         self._given = (arm, motion, force, normal, times)
-        self._bent = np.array([one.q for one in held])
         self.motion, self.friction = motion, friction
         self.start_time, self.end_time = motion.start_time, motion.end_time
         self.breaks = motion.breaks
-        self.initial = held[0].q
+        self.initial = self._bent[0]
         self._force, self._normal = force, normal
         self._first, self._last = float(times[0]), float(times[-1])
-        self._angle = _spline(times, [one.angle for one in held])
+        self._angle = _spline(times, angle)
         self._rate, self._acceleration = self._angle.derivative(1), self._angle.derivative(2)
-        self._holding = _spline(times, [one.torque for one in held])
-        self._pressing = _spline(times, [one.pressing for one in held])
+        self._holding = _spline(times, torque)
+        self._pressing = _spline(times, pressing)
 
     def __repr__(self) -> str:
         size = self.motion.joints
@@ -202,10 +193,10 @@ class PressedMotion:
         return np.asarray(np.interp(check_times("t", t), *self._curved))
 
 
-def _spline(times: FloatArray, values: Sequence[FloatArray]) -> BSpline:
+def _spline(times: FloatArray, values: FloatArray) -> BSpline:
     from scipy.interpolate import make_interp_spline
 
-    return make_interp_spline(times, np.array(values), k=5)
+    return make_interp_spline(times, values, k=5)
 
 
 @public_call
@@ -303,8 +294,12 @@ class _Search:
         self._beside = np.zeros(arm.n_joints)
         self._drift = np.zeros(arm.n_joints)  # its change between two times
 
-    def at(self, t: float, force: float, normal: FloatArray) -> PressedPosture:
-        """Return the equilibrium at time t (s) under a force (N) along a normal (2,)."""
+    def at(self, t: float, force: float, normal: FloatArray) -> tuple[FloatArray, ...]:
+        """Return the equilibrium at time t (s) under a force (N) along a normal (2,).
+
+        Joint angles (joints,) rad, the torques in equilibrium and minus those of the rigid model
+        (joints,) N m, and q (dof,).
+        """
         arm, motion = self._arm, self._motion
         tangent = np.array([-normal[1], normal[0]])
         rigid = np.asarray(motion.joint_angle(t))
@@ -330,7 +325,7 @@ class _Search:
                 model = self._rigid
                 bias = model.bias_force(model.rest(angle), np.zeros(model.dof))
                 pressing = rest.torque - bias[model.joint_index]
-                return PressedPosture(angle, rest.torque, pressing, rest.q)
+                return angle, rest.torque, pressing, rest.q
             if step.any():  # Broyden's update of the inverse Jacobian
                 gained = way @ (missed - before)
                 scale = step @ gained

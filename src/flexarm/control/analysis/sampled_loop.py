@@ -283,33 +283,24 @@ class PlantModel(NamedTuple):
     signals: dict[OutputName, Signal]
 
 
-class Sliding(NamedTuple):
-    """Conditions of sliding joints for the analysis of a loop.
+def sliding(
+    controller: object, reference: Reference | None, *arms: Arm
+) -> tuple[float, tuple[Arm, ...]]:
+    """Remove dry friction, unless the controller models it and there is no ``reference``.
 
     Linearised at zero rate, regularised dry friction is a viscous damper of about a hundred times
     its torque per rad/s, which moving joints do not have. Therefore the arms have no dry friction,
     and a controller that compensates friction is linearised at joint rates where dry friction is
-    constant.
-
-    Attributes:
-        rate: joint rate (rad/s) at which the controller is linearised, zero if its model has no dry
-            friction.
-        arms: as given, without Coulomb and static friction.
+    constant. Return this rate (rad/s), zero if the controller's model has no dry friction, and the
+    arms.
     """
-
-    rate: float
-    arms: tuple[Arm, ...]
-
-
-def sliding(controller: object, reference: Reference | None, *arms: Arm) -> Sliding:
-    """Remove dry friction, unless the controller models it and there is no ``reference``."""
     laws = (law for law in around(controller) if getattr(law, "compensates_friction", True))
     believed = [getattr(law, "arm", None) for law in laws]
     rate = max([0.0, *(sliding_rate(arm) for arm in believed if isinstance(arm, Arm))])
     if rate > 0.0 and reference is None:
-        return Sliding(0.0, arms)
+        return 0.0, arms
     free = {id(arm): without_dry_friction(arm) for arm in arms}
-    return Sliding(rate, tuple(free[id(arm)] for arm in arms))
+    return rate, tuple(free[id(arm)] for arm in arms)
 
 
 def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[Instrument]:
@@ -368,7 +359,7 @@ def loop_of(
     the start of a run to its end, are factors of the readings of ``model``.
 
     Args:
-        rate: rate of all joints (rad/s), see `Sliding`. The derivatives of Coriolis and centrifugal
+        rate: rate of all joints (rad/s), see `sliding`. The derivatives of Coriolis and centrifugal
             torques, proportional to the rate and its square, cancel in a mean over several rates.
     """
     about = model if believed is None else believed
