@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -44,28 +45,25 @@ _INTERVALS, _MOST = 400, 4000
 _ROUNDING = 1e-6
 
 
+@dataclass(eq=False)
 class Bench:
     """Trials of a motion, by simulation or on a bench, and the linear model of a trial."""
 
-    def __init__(
-        self,
-        arm: Arm,
-        reference: Reference,
-        window: Window,
-        output: str,
-        plant: Arm | None,
-        hardware: Hardware | None,
-        trial: Callable[[Controller], ArrayLike] | None,
-        options: dict[str, Any],
-    ) -> None:
-        self.arm, self.reference, self.window, self.output = arm, reference, window, output
-        self._plant, self._hardware, self._trial = plant, hardware, trial
-        self._options = options
-        self._count = 0
-        if output == "tip":
-            self._wanted = tip_reference(arm, reference, window.ends)
+    arm: Arm
+    reference: Reference
+    window: Window
+    output: str
+    _plant: Arm | None
+    _hardware: Hardware | None
+    _trial: Callable[[Controller], ArrayLike] | None
+    _options: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        self._count, ends = 0, self.window.ends
+        if self.output == "tip":
+            self._wanted = tip_reference(self.arm, self.reference, ends)
         else:
-            self._wanted = np.array([reference.joint_angle(float(t)) for t in window.ends])
+            self._wanted = np.array([self.reference.joint_angle(float(t)) for t in ends])
         self.result: xr.Dataset | None = None
 
     def model(self, controller: AddedTorque) -> FloatArray:

@@ -151,7 +151,7 @@ def optimal_excitation(
     full = multisine(period, band, np.ones(arm.n_joints), rise=min(period, whole) / 8.0)
     first = _chosen(full, check_count("lines", lines, 2))
     first.samples(rate, whole)  # checks the rate
-    experiment = _Experiment(arm, parameters, limits, dict(noise), whole, rate, angles, first)
+    experiment = _Experiment(arm, parameters, limits, dict(noise), whole, rate, angles)
     with without_warnings():
         begin = experiment.largest(first)
         initial = experiment.identifiability(experiment.run(begin))
@@ -179,27 +179,23 @@ def _chosen(full: Multisine, lines: int) -> Multisine:
     return Multisine(full.period, chosen, schroeder(chosen.size)[:, None] * turns, full.rise)
 
 
+@dataclass(eq=False)
 class _Experiment:
-    """Experiments with multisines of the same lines, the ``first`` with unit amplitudes."""
+    """Experiments with multisines of the same lines."""
 
-    def __init__(
-        self,
-        arm: Arm,
-        free: list[FreeParameter],
-        limits: MotionLimits,
-        noise: dict[str, float],
-        duration: float,
-        rate: float,
-        angles: FloatArray,
-        first: Multisine,
-    ) -> None:
-        self.arm, self.free, self.noise, self.first = arm, free, noise, first
-        self.duration, self.rate, self._angles = duration, rate, angles
-        self._bounds = bounds_of(limits, arm)
-        self._torques = torque_limits(limits, arm)
+    arm: Arm
+    free: list[FreeParameter]
+    limits: MotionLimits
+    noise: dict[str, float]
+    duration: float
+    rate: float
+    angles: FloatArray
+
+    def __post_init__(self) -> None:
+        self._bounds = bounds_of(self.limits, self.arm)
+        self._torques = torque_limits(self.limits, self.arm)
         if not self._bounds and np.all(np.isinf(self._torques)):
             raise InputError(Problem("limits", "must contain at least one limit"))
-        self._rates = limits.torque_rate is not None
         self.evaluations = 0
 
     def run(self, torque: Multisine) -> xr.Dataset:
@@ -211,7 +207,7 @@ class _Experiment:
             torque=torque.samples(self.rate, self.duration),
             rate=self.rate,
             rtol=RTOL,
-            initial=self.arm.rest(self._angles),
+            initial=self.arm.rest(self.angles),
             progress=False,
         )
 
@@ -220,7 +216,7 @@ class _Experiment:
         samples = torque.samples(self.rate, self.duration)
         most, fastest = (limit[:, None] for limit in self._torques)
         parts = [np.abs(samples.T) / most - 1.0]
-        if self._rates:
+        if self.limits.torque_rate is not None:
             parts.append(self._fastest(torque, samples).T / fastest - 1.0)
         values = {name: run[name].values.T if name in run else None for name in _LIMITED}
         state = Quantities(**values)
