@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 import xarray as xr
@@ -239,12 +239,8 @@ def identified(
     return result
 
 
-class Prepared(NamedTuple):
-    """What ``identify`` fits, from arguments that are checked."""
-
-    problem: fitting.FitProblem
-    others: list[RecordRun]  # of records that are predicted
-    parameters: list[FreeParameter]
+#: What ``identify`` fits: the problem, the runs of records that are predicted, and the parameters.
+Prepared = tuple[fitting.FitProblem, list[RecordRun], list[FreeParameter]]
 
 
 def prepared_fit(
@@ -302,7 +298,7 @@ def prepared_fit(
         _check_rates(runs)
     warn_of_work(runs, space)
     problem = _problem(space, runs[: len(fitted)], watch, {}, disturbed)
-    return Prepared(problem, runs[len(fitted) :], parameters)
+    return problem, runs[len(fitted) :], parameters
 
 
 def _warn_of_far_estimates(parameters: xr.Dataset) -> None:

@@ -171,14 +171,13 @@ class Layout(NamedTuple):
         return torque + x[self.disturbance] if self.disturbed else torque
 
     def derivative(
-        self,
-        state: FloatArray,
-        parameters: FloatArray,
-        torque: FloatArray,
-        by_mass: float = 1.0,
-        biases: ArrayLike = 0.0,
+        self, slopes: tuple[FloatArray, ...], by_mass: float, biases: ArrayLike = 0.0
     ) -> FloatArray:
-        """Return the derivative (rows, size) of a function by x."""
+        """Return the derivative (rows, size) by x of a function with ``slopes`` by arm and torque.
+
+        Those are by [q, qd], by the parameters of ``SampledStep``, and by the torque.
+        """
+        state, parameters, torque = slopes
         found = np.zeros((len(state), self.size))
         found[:, self.states] = state
         found[:, self.parameters] = parameters[:, 1:]

@@ -204,7 +204,7 @@ class ArmModel:
         after, F = x.copy(), np.eye(layout.size)
         after[layout.states] = step.after
         slopes = step.state, step.parameters, step.torque
-        F[layout.states] = layout.derivative(*slopes, self.mass(x)[1])
+        F[layout.states] = layout.derivative(slopes, self.mass(x)[1])
         G = np.zeros((layout.size, self.noise.size))
         G[layout.states] = step.torque * self.noise
         return Link(after, F, G)
@@ -218,7 +218,7 @@ class ArmModel:
         acting = layout.acting(x, torque + self.noise * error)
         observed = seen.predict(x[layout.states], acting, constants)
         slopes = observed.state, observed.parameters, observed.torque
-        H = layout.derivative(*slopes, self.mass(x)[1], seen.bias)
+        H = layout.derivative(slopes, self.mass(x)[1], seen.bias)
         values = observed.values + seen.bias @ x[layout.biases]
         return Readings(values, H, observed.torque * self.noise)
 

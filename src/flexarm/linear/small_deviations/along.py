@@ -417,30 +417,24 @@ def torque_response(
     width = shapes.shape[2] * arm.n_joints
     state = np.zeros((2 * dof, width))
     answer = np.zeros((count, rows.shape[1], width))
-    for first in range(0, count - 1, _CHUNK):
-        part = slice(first, min(first + _CHUNK, count - 1))
-        by_state, by_force = _step_maps(arm, h, q, qd, part)
-        for k, (A, B) in enumerate(zip(by_state, by_force, strict=True), start=part.start):
-            force = np.einsum("xsj,sp->xpj", B, shapes[k]).reshape(2 * dof, width)
-            state = A @ state + force
-            answer[k + 1] = rows[k + 1] @ state[:dof]
+    for k, A, B in run_step_maps(arm, h, q, qd):
+        force = np.einsum("xsj,sp->xpj", B, shapes[k]).reshape(2 * dof, width)
+        state = A @ state + force
+        answer[k + 1] = rows[k + 1] @ state[:dof]
     return answer.reshape(count, rows.shape[1], shapes.shape[2], arm.n_joints)
 
 
-def held_step_maps(
+def run_step_maps(
     arm: Arm, step: float, q: FloatArray, qd: FloatArray
 ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-    """Yield linear maps of the steps of a run q, qd (T, dof) under zero-order-hold torques.
+    """Yield the number and the linear maps of each step of a run q, qd (T, dof).
 
-    Each chunk has the number of its first step, and the derivatives of the state [q, qd] after each
-    step by that before it (N, 2 dof, 2 dof) and by its torque (N, 2 dof, joints), with the accuracy
-    of `torque_response`.
+    These are the derivatives of the state [q, qd] after the step by that before it (2 dof, 2 dof)
+    and by the torques at its stages (2 dof, 3, joints), with the accuracy of `torque_response`.
     """
-    count = len(q)
-    for first in range(0, count - 1, _CHUNK):
-        block = slice(first, min(first + _CHUNK, count - 1))
-        by_state, by_force = _step_maps(arm, step, q, qd, block)
-        yield first, by_state, by_force.sum(axis=2)
+    for first in range(0, len(q) - 1, _CHUNK):
+        part = slice(first, min(first + _CHUNK, len(q) - 1))
+        yield from zip(range(first, part.stop), *_step_maps(arm, step, q, qd, part), strict=True)
 
 
 def _step_maps(

@@ -27,7 +27,7 @@ from flexarm.control.contract.base import (
 )
 from flexarm.control.filters.predicted_readings import LINEAR_SIGNALS, reading_rows
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.linear.small_deviations.along import held_step_maps
+from flexarm.linear.small_deviations.along import run_step_maps
 from flexarm.model import Hardware, Instrument
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
 from flexarm.motion.geometry.inverse_kinematics import rigid_chain, tip_jacobian
@@ -253,18 +253,17 @@ def _lifted_model(
     n, m = 2 * arm.dof, arm.n_joints
     X = np.zeros((n + laws[0].shape[1], count * m))
     tip, angle = np.zeros((count, 2, count * m)), np.zeros((count, m, count * m))
-    for first, A, B in held_step_maps(arm, window.sample_time, q, qd):
-        for k, (by_state, by_torque) in enumerate(zip(A, B, strict=True), start=first):
-            i = k // window.stride
-            known = X[:, : (i + 1) * m]
-            Ac, Bc, Cc, Dc = (law[k] for law in laws)
-            torque = Dc @ read @ known[:n] + Cc @ known[n:]
-            torque[:, i * m :] += np.eye(m)
-            known[n:] = Bc @ read @ known[:n] + Ac @ known[n:]
-            known[:n] = by_state @ known[:n] + by_torque @ torque
-            if (k + 1) % window.stride == 0:
-                tip[i] = tip_rows[i] @ X[: arm.dof]
-                angle[i] = X[arm.joint_index]
+    for k, by_state, by_stages in run_step_maps(arm, window.sample_time, q, qd):
+        i = k // window.stride
+        known = X[:, : (i + 1) * m]
+        Ac, Bc, Cc, Dc = (law[k] for law in laws)
+        torque = Dc @ read @ known[:n] + Cc @ known[n:]
+        torque[:, i * m :] += np.eye(m)
+        known[n:] = Bc @ read @ known[:n] + Ac @ known[n:]
+        known[:n] = by_state @ known[:n] + by_stages.sum(axis=1) @ torque
+        if (k + 1) % window.stride == 0:
+            tip[i] = tip_rows[i] @ X[: arm.dof]
+            angle[i] = X[arm.joint_index]
     return tip.reshape(count, 2, count, m), angle.reshape(count, m, count, m)
 
 
