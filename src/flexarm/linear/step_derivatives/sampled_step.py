@@ -110,13 +110,10 @@ def step_jacobian(
     step_of = stepper_of(arm, method, step)
     x, tau = np.concatenate(state), arm.padded_torque(held)
     exact = arm.assembly.constants
-    columns = []
-    for place in range(2 * arm.dof):
-        columns.append(step_of(x + _unit(place, x.size), tau, exact).imag / STEP)
-    inputs = []
-    for joint in range(arm.n_joints):
-        perturbed = arm.padded_torque(held + _unit(joint, arm.n_joints))
-        inputs.append(step_of(x, perturbed, exact).imag / STEP)
+    moved_states = x + 1j * STEP * np.eye(x.size)
+    columns = [step_of(moved_state, tau, exact).imag / STEP for moved_state in moved_states]
+    pushes = arm.padded_torque(held + 1j * STEP * np.eye(arm.n_joints))
+    inputs = [step_of(x, push, exact).imag / STEP for push in pushes]
     named = {}
     for path in parameters:
         value = number_at("parameters", arm.spec, path)
@@ -127,13 +124,6 @@ def step_jacobian(
     by_torque = np.stack(inputs, axis=1) if inputs else np.zeros((x.size, 0))
     by_state = np.stack(columns, axis=1)
     return StepJacobian(after[: arm.dof], after[arm.dof :], by_state, by_torque, named)
-
-
-def _unit(place: int, size: int) -> FloatArray:
-    """Return an imaginary step in one entry of a vector."""
-    unit = np.zeros(size, dtype=complex)
-    unit[place] = 1j * STEP
-    return unit
 
 
 def stepper_of(arm: Arm, method: str, h: float) -> Callable[..., FloatArray]:
