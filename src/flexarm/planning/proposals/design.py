@@ -39,8 +39,12 @@ from flexarm.planning.proposals.candidates import (
     scenario_of,
 )
 from flexarm.planning.proposals.cases import case_of, wait_until_settled
-from flexarm.planning.proposals.drive import quicker, typical_text
-from flexarm.planning.proposals.requirements import Requirements, requirements_of
+from flexarm.planning.proposals.requirements import (
+    Requirements,
+    quicker,
+    requirements_of,
+    typical_text,
+)
 from flexarm.simulation.calls.compare import Evaluation, comparison, runs_of
 from flexarm.simulation.calls.metrics import length_text
 from flexarm.simulation.loop.stability import NO_INERTIA, with_inertia
