@@ -105,7 +105,9 @@ def to_casadi(
     Warns:
         AccuracyWarning: friction has bristles or holds joints, which the functions do not contain.
     """
-    return _warned_model(arm, parameters, prescribed)
+    model = casadi_model(arm, parameters, prescribed)
+    warn_of_creep(arm, "the exported model")
+    return model
 
 
 def exported_model(arm: Arm, parameters: Sequence[str]) -> CasadiModel:
@@ -113,13 +115,7 @@ def exported_model(arm: Arm, parameters: Sequence[str]) -> CasadiModel:
     check_kind("arm", arm, Arm)
     # An exported step does not keep loops closed.
     serial_only(arm.spec, "an export of the equations", ("closures",))
-    return _warned_model(arm, parameters)
-
-
-def _warned_model(
-    arm: Arm, parameters: Sequence[str], prescribed: Sequence[int] = ()
-) -> CasadiModel:
-    model = casadi_model(arm, parameters, prescribed)
+    model = casadi_model(arm, parameters)
     warn_of_creep(arm, "the exported model")
     return model
 

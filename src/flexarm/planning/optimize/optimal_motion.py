@@ -351,7 +351,7 @@ def optimal_motion(
     if plant.n_joints != arm.n_joints:
         rule = f"have the number of joints of the arm ({arm.n_joints})"
         raise InputError(Problem("plant", rule, str(plant.n_joints)))
-    count = None if modes is None else check_count("modes", modes, 1, _elastic(arm))
+    count = None if modes is None else check_count("modes", modes, 1, arm.dof - arm.n_joints)
     pieces = None if intervals is None else check_count("intervals", intervals, 2, _MOST_GIVEN)
     own = None if guess is None else check_motion(guess, arm)
     with one_warning() as bent:
@@ -363,10 +363,6 @@ def optimal_motion(
         optimum = _within_limits(task, plan, plant, pieces, iterations)
     warn_of_first(bent)
     return optimum
-
-
-def _elastic(arm: Arm) -> int:
-    return arm.dof - arm.n_joints
 
 
 def _default_intervals(task: Task, duration: float) -> int:
@@ -432,7 +428,7 @@ def _within_limits(
         duration=plan.duration,
         initial=task.start.q,
         final=task.end.q,
-        modes=_elastic(task.arm) if task.resting_modes() is None else task.modes or 0,
+        modes=len(task.elastic) if task.resting_modes() is None else task.modes or 0,
         iterations=total,
         run=run,
         remaining=rest,
