@@ -13,8 +13,8 @@ from flexarm.base.errors import Problem
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.planning.proposals.candidates import Assessed, Candidate, Loops, candidates_of
-from flexarm.planning.proposals.cases import case_of, plants_of
 from flexarm.planning.proposals.design import _best, _chosen, _lacking, _refusal, reasons_of
+from flexarm.planning.proposals.requirements import case_of, plants_of
 from flexarm.simulation.calls.compare import Evaluation
 from flexarm.simulation.run import progress
 from flexarm.simulation.run.progress import stage

@@ -9,8 +9,8 @@ from proposal_requirements import needs_of, one_link
 import flexarm as fa
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.planning.proposals.candidates import Candidate, candidates_of
-from flexarm.planning.proposals.cases import case_of
 from flexarm.planning.proposals.design import _best
+from flexarm.planning.proposals.requirements import case_of
 
 
 def test_candidates_under_gravity_have_integral_feedback_and_a_reference_of_the_bent_arm():

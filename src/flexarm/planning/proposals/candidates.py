@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -28,14 +28,8 @@ from flexarm.control.laws.task_controller import HybridForce, Impedance
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Scenario
 from flexarm.model.checks import checked_arguments
-from flexarm.planning.proposals.requirements import Requirements
+from flexarm.planning.proposals.requirements import Requirements, rounded
 from flexarm.simulation.run.progress import Report, unreported
-
-
-def rounded(values: FloatArray | Sequence[float], digits: int = 3) -> list[float]:
-    """Return numbers rounded to significant digits, for files that people read."""
-    return [float(f"{value:.{digits}g}") for value in np.asarray(values, dtype=float).tolist()]
-
 
 Drive = dict[str, Any]
 

@@ -38,11 +38,13 @@ from flexarm.planning.proposals.candidates import (
     candidates_of,
     scenario_of,
 )
-from flexarm.planning.proposals.cases import case_of, wait_until_settled
 from flexarm.planning.proposals.requirements import (
+    AFTER,
     Requirements,
+    case_of,
     quicker,
     requirements_of,
+    rounded,
     typical_text,
 )
 from flexarm.simulation.calls.compare import Evaluation, comparison, runs_of
@@ -60,6 +62,10 @@ _SIMULATED = 3
 _DESIGNED, _TRIED = 0.5, 0.9
 #: Delays of the hardware that are tried if all candidates are refused, relative to its own.
 _SHORTER = (0.5, 0.25, 0.1)
+#: Time after the motion in time constants of the slowest pole of a loop.
+_TIME_CONSTANTS = 10.0
+#: Longest time, in periods of the lowest frequency, in which integrals may release sticking joints.
+_STICKING_PERIODS = 100.0
 #: Suffixes of scenario files.
 SCENARIO_SUFFIXES = (".yaml", ".yml")
 #: Metrics whose sum is compared, by task.
@@ -240,7 +246,7 @@ def design(
             cure = _lacking(needs, found, candidates)
             hint = cure or "Give the links damping, or use other sensors."
             raise InputError(Problem("task", rule, hint=f"{hint} {' '.join(errors.values())}"))
-        wait_until_settled(content, found)
+        _wait_until_settled(content, found)
         table = _table(needs, content, found, stage(meter.update, _DESIGNED, _TRIED))
         chosen = _chosen(needs, found, table)
         lacking = _lacking(needs, found, candidates, stage(meter.update, _TRIED, 1.0))
@@ -313,6 +319,23 @@ def _cures(needs: Requirements, refused: bool) -> Iterator[tuple[Requirements, s
         for factor in _SHORTER * (needs.delay > 0.0):
             quick = replace(needs, hardware=quicker(needs.hardware, factor))
             yield quick, f"With {1e3 * quick.delay:.2g} ms of delay and lag of the hardware"
+
+
+def _wait_until_settled(content: dict[str, Any], found: Mapping[str, Assessed]) -> None:
+    """Extend the runs until the loops have settled, and measure the error after that."""
+    run = content["run"]
+    if run["settling"]:  # the tasks with a time after the motion
+        accepted = [one for one in found.values() if not one.refusal]
+        decay = min((-one.margins["growth"] for one in accepted), default=np.inf)
+        least = run["settling"] * AFTER
+        longest = _STICKING_PERIODS * least / AFTER
+        sticking = max((min(one.sticking_time, longest) for one in accepted), default=0.0)
+        time = float(f"{max(_TIME_CONSTANTS / decay, sticking):.2g}")
+        end, after = run["duration"] - least, max(least, time)
+        content["run"] = run | {
+            "duration": rounded([end + after], 6)[0],
+            "settling": float(f"{after * (1.0 - 1.0 / AFTER):.2g}"),
+        }
 
 
 def _table(
