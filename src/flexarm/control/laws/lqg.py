@@ -108,10 +108,8 @@ class LQG(LQGParameters, OfArm, Controller):
         self.design_requirements = design_requirements(arm, self, self._regulated(), rate)
         self._grid = PostureGrid(self.posture, self.schedule)
         self._coordinates = self._placed()
-        with one_warning() as bent:
-            # The constructor leaves the number in the dictionary of the object, under the property.
-            self._design_for(vars(self).pop("sample_time"))
-        warn_of_first(bent)
+        # The constructor leaves the number in the dictionary of the object, under the property.
+        self._design_for(vars(self).pop("sample_time"))
 
     def _placed(self) -> MinimalCoordinates:
         """Return the coordinates of the designs; close the loops of the postures of the grid."""
@@ -153,17 +151,16 @@ class LQG(LQGParameters, OfArm, Controller):
     @sample_time.setter
     @public_call
     def sample_time(self, value: float) -> None:
-        valid = check_positive("sample_time", value)
-        with one_warning() as bent:
-            self._design_for(valid)
-        warn_of_first(bent)
+        self._design_for(check_positive("sample_time", value))
 
     def _design_for(self, sample_time: float) -> None:
         """Design the controller of each posture for a sample time (s)."""
-        check_sample_time(self.arm, sample_time, getattr(self, "bandwidth", None))
-        self._sample_time = sample_time
-        self.designs = self._design_all()
-        self._prepare()
+        with one_warning() as bent:
+            check_sample_time(self.arm, sample_time, getattr(self, "bandwidth", None))
+            self._sample_time = sample_time
+            self.designs = self._design_all()
+            self._prepare()
+        warn_of_first(bent)
 
     def _design_all(self) -> tuple[Design, ...]:
         return tuple(
