@@ -35,7 +35,6 @@ def test_errors_are_below_the_default():
     assert max(shares) < 1.0
     assert np.median(works) < 0.9  # with both runs of those that a second one verifies
     assert max(works) < 2.0
-    assert max(works) < 2.0
 
 
 def test_an_undamped_link_under_a_step_of_force():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -81,8 +81,6 @@ from flexarm.simulation.run.work import Start, choose_by_work
 MOST_STEPS = 200_000
 #: Samples whose channels are computed together, which bounds the scratch memory.
 _CHUNK = 4096
-#: Key of the runs of a group, among their warnings, that lanes execute again.
-_AGAIN = "again"
 _TORQUES = frozenset({"torque", "torque_command"})
 
 
@@ -130,6 +128,7 @@ class Group:
     runs: LaneRuns
     most_steps: int  # attempted ones of each run
     carried: Any = None  # what advanced them, for their channels and warnings
+    inaccurate: list[int] = field(default_factory=list)  # places of runs with large tolerances
 
     def samples(self, place: int) -> FloatArray:
         """Return the samples (k, 2, n, 1 + m) of a run."""
@@ -414,7 +413,7 @@ class OpenLanes(Lanes):
         if group.ready[0].large is None:
             return []
         stopped = np.flatnonzero(group.runs.status == Status.PAUSED).tolist()
-        places = [*stopped, *group.carried.get(_AGAIN, ())]
+        places = [*stopped, *group.inaccurate]
         return [self._small(group.ready[k], group.runs.counts[k, EVALUATIONS]) for k in places]
 
     def _small(self, run: Ready, spent: int) -> Ready:
@@ -467,8 +466,8 @@ class OpenLanes(Lanes):
         for row in ended:
             group.runs.counts[far[row], EVALUATIONS] += others.runs.counts[row, EVALUATIONS]
         if group.ready[0].large is not None:
-            group.carried[_AGAIN] = [*self._inaccurate(group, others, far)]
-            return np.setdiff1d(done, group.carried[_AGAIN])
+            group.inaccurate = [*self._inaccurate(group, others, far)]
+            return np.setdiff1d(done, group.inaccurate)
         repeated = []
         for row in ended:
             place, arm = far[row], compared[row].arm
@@ -486,8 +485,9 @@ class OpenLanes(Lanes):
             own, rows = places[first : first + self._together], slice(first, first + self._together)
             count, arm = int(group.runs.counts[own[0], SAMPLES]), group.ready[own[0]].arm
             pair = group.runs.samples[own, :count], others.runs.samples[rows, :count]
+            steps = np.array([group.runs.counts[own, STEPS], others.runs.counts[rows, STEPS]])
             with np.errstate(all="ignore"):  # of runs that failed
-                errors = coarse_errors(arm, *pair, self._settings)
+                errors = coarse_errors(arm, *pair, steps, self._settings)
             request = request_of(self._settings, arm)
             assert request is not None
             failed = others.runs.status[rows] != Status.DONE

@@ -34,6 +34,7 @@ from flexarm.simulation.histories.loads import LoadHistory, Prescribed, load_his
 from flexarm.simulation.histories.piecewise import PiecewiseCubic, function_history, sampled_torque
 from flexarm.simulation.loop.control_loop import RunLoop
 from flexarm.simulation.run.changes import arm_changes
+from flexarm.simulation.run.coarse import choose
 from flexarm.simulation.run.contacts import (
     contact_frequency,
     contacts_of_run,
@@ -58,7 +59,6 @@ from flexarm.simulation.run.settings import (
 )
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.tolerance import tolerance_of
-from flexarm.simulation.run.work import choose
 
 Torque = ArrayLike | Callable[[float], ArrayLike] | PiecewiseCubic
 #: Samples in a run; samples of a controller; durations of a run and of its motion over each other.
@@ -304,8 +304,7 @@ def integrator_of(arm: Arm, **arguments: Any) -> Choice:
     if situation.controller is not None:
         sample_time = situation.controller.sample_time
         return RunLoop(run, sample_time, situation.hardware).run.choice
-    choose(run, situation.history_of(run)(relative_tolerance(situation.settings, arm)))
-    return run.choice
+    return choose(run, situation.history_of(run))
 
 
 def implausible_run(

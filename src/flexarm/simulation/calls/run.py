@@ -41,7 +41,7 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.loop.control_loop import ClosedLoop
 from flexarm.simulation.loop.stability import AnalysedLoop, Stability, stability
 from flexarm.simulation.run.changes import change_variables
-from flexarm.simulation.run.coarse import coarse_tolerance, run_accurately
+from flexarm.simulation.run.coarse import are_alike, coarse_tolerance, run_accurately
 from flexarm.simulation.run.events import event_variables
 from flexarm.simulation.run.impacts import loop_comparison
 from flexarm.simulation.run.progress import Meter
@@ -121,10 +121,10 @@ def simulate(
         accuracy: largest error of the tip (m) that the integration may cause, such as 1e-5 of the
             reach, the hundredth part of a line in a plot. Method and tolerances follow from it, a
             second run verifies it, and a run that misses it is repeated; a smooth arm begins with
-            large tolerances. Instead of ``rtol`` and ``atol``. Without these, ``step`` and a named
-            integrator, the accuracy is 1e-5 of the reach; then a second run verifies a smooth arm,
-            whose tip velocity may err by 3e-3 of its largest value, and a run in which errors may
-            grow.
+            large tolerances. Only the position of the tip counts. Instead of ``rtol`` and ``atol``.
+            Without these, ``step`` and a named integrator, the accuracy is 1e-5 of the reach; then
+            a second run verifies a smooth arm, which is repeated with small tolerances if the
+            velocity of the tip errs by 3e-3 of its largest value, and a run whose errors may grow.
         rtol, atol: error allowed per step, relative, by default 1e-7 where no accuracy decides, and
             absolute in metres at the tip, by default ``rtol / 100`` of the reach; with a fixed step
             only the tolerance for functions of time. A run whose whole motion is small beside
@@ -385,7 +385,8 @@ def with_error(
     used, looser = accuracy, executed(_LOOSER * accuracy)
     runs = [outcome] if looser is None else [looser, outcome]
     error = _error_between(outcome, looser, _LOOSER)
-    if error == 0.0:  # the steps are those of the samples of a loop, or of the largest tolerance
+    # The steps may be those of samples, or of the largest tolerance.
+    if looser is not None and are_alike(outcome[0].attrs["steps"], looser[0].attrs["steps"]):
         finer = executed(accuracy / _FINER)
         if finer is not None:
             runs, used = [*runs, finer], accuracy / _FINER

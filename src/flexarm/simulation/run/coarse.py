@@ -12,8 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import once_per_arm
@@ -29,16 +31,20 @@ from flexarm.simulation.run.small_motion import run_closely, small_motion
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.tolerance import absolute_tolerance, reach_of, share_of_finer
 from flexarm.simulation.run.work import EVALUATIONS_A_STEP
+from flexarm.simulation.run.work import choose as choose_closely
 
 #: Relative tolerance over the accepted error of the tip, that of a run whose user has not asked for
 #: one, and the largest. At 1 instead of 0.3 a quarter of runs must be repeated. Without a request,
 #: bending and forces count, too: they err by 3e-5 and 5e-4 of their largest values on damped arms
 #: (median), and three times as much at 0.3, with four fifths of the evaluations.
-_SHARE, _UNASKED, _LARGEST = 0.3, 0.1, 0.1
+_ASKED, _UNASKED, _MOST = 0.3, 0.1, 0.1
 #: Error of the velocity of the tip over its largest value, less than a line in a plot. Between
 #: long steps, rates of fast vibrations err more than positions: those of a falling chain by 6e-3 at
 #: an error of the tip of 6e-7 of the reach.
-_VISIBLE = 3e-3
+_VELOCITY = 3e-3
+#: Steps over those of the second run, 1.6 at order 5, below which both are limited by something
+#: else, such as samples of the torque, and their difference says nothing.
+_FEWER = 1.3
 #: Least accepted error over the reach: at 1e-8 both runs take half of the evaluations of one with
 #: small tolerances, at 1e-9 as many (30 arms, median).
 _LEAST = 1e-8
@@ -49,15 +55,28 @@ _EVALUATIONS = 2.0**1.5
 #: Exponents of two of the least and the most attempted steps: a few milliseconds, and less than
 #: lanes make.
 _STEPS = 8, 17
-_REASON = "order 5 with bending implicit: a second run shows that it is accurate"
+_REASON = "order 5 with bending implicit: a second run verifies it"
 
 
 def run_accurately(run: Run, history_of: Callable[[float], PiecewiseCubic]) -> None:
     """Simulate under a torque with the accuracy that its settings promise."""
-    relative, history_of = coarse_tolerance(run.settings, run.arm), cache(history_of)
-    sudden = run.loads.placed.contacts.body.size or run.changes or run.watch
-    if relative is None or sudden or not _succeeds(run, history_of, relative):
+    relative, history_of = _tolerance_of(run), cache(history_of)
+    if relative is None or not _succeeds(run, history_of, relative):
         run_closely(run, history_of)
+
+
+def choose(run: Run, history_of: Callable[[float], PiecewiseCubic]) -> Choice:
+    """Return the integrator of a run; one with large tolerances is executed, others are not."""
+    relative, history_of = _tolerance_of(run), cache(history_of)
+    if relative is None or not _succeeds(run, history_of, relative):
+        choose_closely(run, history_of(relative_tolerance(run.settings, run.arm)))
+    return run.choice
+
+
+def _tolerance_of(run: Run) -> float | None:
+    """Return the large relative tolerance of a run; None if it must be small."""
+    sudden = run.loads.placed.contacts.body.size or run.changes or run.watch
+    return None if sudden else coarse_tolerance(run.settings, run.arm)
 
 
 @once_per_arm
@@ -66,7 +85,7 @@ def is_smooth(arm: Arm) -> bool:
     sudden, constants = ("friction", "limits", "backlash", "winding"), arm.assembly.constants
     joints = any(getattr(joint, name) for joint in arm.spec.joints for name in sudden)
     chain = np.array_equal(constants.parent, np.arange(-1, len(constants.parent) - 1))
-    return bool(constants.w2.any()) and chain and not joints
+    return bool(constants.w2.any()) and chain and not joints and not arm.closure_rows
 
 
 def coarse_tolerance(settings: RunSettings, arm: Arm) -> float | None:
@@ -75,8 +94,8 @@ def coarse_tolerance(settings: RunSettings, arm: Arm) -> float | None:
     automatic = settings.integrator == "auto" and settings.step is None
     if request is None or request < _LEAST or not automatic or not is_smooth(arm):
         return None
-    share = _UNASKED if settings.accuracy is None else _SHARE
-    return min(float(f"{share * request:.12g}"), _LARGEST)
+    share = _UNASKED if settings.accuracy is None else _ASKED
+    return min(float(f"{share * request:.12g}"), _MOST)
 
 
 def drive_tolerance(settings: RunSettings, arm: Arm, relative: float) -> float:
@@ -96,12 +115,17 @@ def coarse_choice(fastest: float) -> Choice:
 
 
 def coarse_errors(
-    arm: Arm, samples: FloatArray, others: FloatArray, settings: RunSettings
+    arm: Arm,
+    samples: FloatArray,
+    others: FloatArray,
+    steps: NDArray[np.int64],
+    settings: RunSettings,
 ) -> FloatArray:
     """Estimate errors (runs,) of the tip, over the reach, in samples (runs, k, 2, n, 1 + m).
 
-    ``others`` are those of ten times the tolerance. Without a request, an error is infinite if the
-    velocity of the tip errs visibly.
+    ``others`` are those of ten times the tolerance, ``steps`` (2, runs) those of both. The error is
+    infinite if the steps differ little, and without a request if the velocity of the tip errs
+    visibly.
     """
     count = min(samples.shape[1], others.shape[1])
     tips = [
@@ -111,8 +135,14 @@ def coarse_errors(
     apart = share_of_finer(LOOSER) * np.abs(np.subtract(*tips)).max(axis=1, initial=0.0)
     errors = np.hypot(apart[:, 0], apart[:, 1]) / reach_of(arm)
     speed = np.hypot(tips[0][:, :, 3], tips[0][:, :, 4]).max(axis=1, initial=0.0)
-    visible = np.hypot(apart[:, 3], apart[:, 4]) > _VISIBLE * speed
-    return np.where(visible & (settings.accuracy is None), np.inf, errors)
+    visible = np.hypot(apart[:, 3], apart[:, 4]) > _VELOCITY * speed
+    wrong = visible & (settings.accuracy is None) | are_alike(*steps)
+    return np.where(wrong, np.inf, errors)
+
+
+def are_alike(steps: Any, others: Any) -> Any:
+    """Return whether steps are hardly more than those of a run with ten times the tolerance."""
+    return steps < _FEWER * others
 
 
 def most_steps(fastest: float, duration: float) -> int:
@@ -139,11 +169,12 @@ def _succeeds(run: Run, history_of: Callable[[float], PiecewiseCubic], relative:
     samples, steps = run.samples[: run.progress.sample], run.progress.steps
     if other is not None and small_motion(tolerance, relative, True, samples, steps) is None:
         pair = samples[None], other.samples[None, : other.progress.sample]
-        error = float(coarse_errors(run.arm, *pair, run.settings)[0])
+        both = np.array([[steps], [other.progress.steps]])
+        error = float(coarse_errors(run.arm, *pair, both, run.settings)[0])
         if run.request is not None and error <= run.request:
             run.error = error
             return True
-    run.max_steps = pause
+    run.max_steps, run.history = pause, None
     beginning.restore(run, beginning.choice, beginning.tolerance)
     return False
 
