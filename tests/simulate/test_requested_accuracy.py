@@ -75,65 +75,41 @@ def test_batch_equals_single_runs_bit_for_bit():
         assert alone.attrs["integration_error"] <= accuracy
 
 
-@pytest.mark.parametrize("accuracy", [None, 1e-3])
-def test_lanes_decide_as_single_runs_do(accuracy):
+def test_lanes_decide_as_single_runs_do():
     """Of runs that turn ever faster, errors of the last ones grow, and they begin again."""
     arm, torque = random_arm(2)
     rates = np.array([arm.rest([12.0 * k, -9.0 * k, 5.0 * k]) for k in range(6)])
-    how = {"torque": torque, "accuracy": accuracy, **QUIET}
+    how = {"torque": torque, "accuracy": 1e-3, **QUIET}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", fa.FlexarmWarning)  # they bend far
         batch = fa.simulate_batch(arm, 0.5, initial_rate=rates, **how)
         alone = [fa.simulate(arm, 0.5, initial_rate=rate, **how) for rate in rates]
-    request = (accuracy or alone[0].attrs["accuracy"]) / float(arm.lengths.sum())
+    request = 1e-3 / float(arm.lengths.sum())
     large = [result.attrs["rtol"] > 0.05 * request for result in alone]
     assert True in large
     assert False in large
     for k, result in enumerate(alone):
-        if accuracy is None or large[k]:  # `simulate` goes on until the request is reached
+        if large[k]:  # `simulate` goes on until the request is reached
             assert np.array_equal(batch.tip.values[k], result.tip.values)
             assert int(batch.evaluations[k]) == result.attrs["evaluations"]
 
 
-@pytest.mark.parametrize("accuracy", [None, 1e-4])
-def test_steps_that_samples_limit_are_not_verified_by_each_other(accuracy):
-    """Steps of 1 ms at both tolerances differ by nothing, and err by 2e-5 and 2e-4 of the reach."""
-    frequency, duration = (60.0, 5.0) if accuracy is None else (200.0, 3.0)
-    rigidity = (frequency / 3.516) ** 2  # of a link of 1 m and 1 kg: clamped, first mode
-    link = fa.Link(length=1.0, flexural_rigidity=rigidity, mass_per_length=1.0, modes=3)
-    arm = fa.Arm(links=[link])
-    times = np.arange(round(1000.0 * duration)) / 1000.0
+def test_steps_that_samples_limit_are_not_verified_by_each_other():
+    """Steps of 1 ms at both tolerances differ by little, and err by 2.4 times the accuracy."""
+    accuracy, duration = 1e-4, 5.0
+    rigidity = (200.0 / 3.516) ** 2  # of a link of 1 m and 1 kg: 200 rad/s, clamped, first mode
+    link = fa.Link(length=1.0, flexural_rigidity=rigidity, mass_per_length=1.0, elements=4, modes=3)
+    arm = fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05)])
+    times = np.arange(round(1000.0 * duration) + 1) / 1000.0
     start = arm.rest([0.0])
-    start[1] = 0.02
-    run = {"torque": np.sin(6.0 * np.pi * times)[:, None], "torque_interpolation": "hold"}
+    start[1] = 0.005
+    run = {"torque": 3.3 * np.sin(6.0 * np.pi * times)[:, None], "torque_interpolation": "hold"}
     run |= {"initial": start, "rate": 1000.0, "progress": False}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", fa.LargeDeflectionWarning)
         exact = fa.simulate(arm, duration, rtol=1e-10, **run)
         result = fa.simulate(arm, duration, accuracy=accuracy, **run)
-        large = fa.simulate(
-            arm, duration, integrator="kennedy_carpenter_5", rtol=0.1 * (accuracy or 1e-5), **run
-        )
-    apart, far = (np.hypot(*(other.tip - exact.tip).values.T).max() for other in (result, large))
-    assert apart <= result.attrs["accuracy"] < far
-
-
-def test_visible_errors_of_velocities_require_small_tolerances():
-    """Large tolerances err by 2e-3 of the largest velocity here, and by 2e-7 of the reach."""
-    arm, torque = random_arm(7)
-    run = {"torque": torque, "rate": 300.0, "progress": False}
-    exact = fa.simulate(arm, 1.0, rtol=1e-10, **run)
-    large = fa.simulate(arm, 1.0, rtol=1e-6, integrator="kennedy_carpenter_5", **run)
-    result = fa.simulate(arm, 1.0, **run)
-    fastest = np.hypot(*exact.tip_velocity.values.T).max()
-
-    def error(other):
-        return np.hypot(*(other.tip_velocity - exact.tip_velocity).values.T).max() / fastest
-
-    assert result.attrs["rtol"] == 1e-7
-    assert error(result) < 1e-3 < error(large)
-    accuracy = result.attrs["accuracy"]  # who asks for positions gets the large tolerances
-    assert "integration_error" in fa.simulate(arm, 1.0, accuracy=accuracy, **run).attrs
+    assert np.hypot(*(result.tip - exact.tip).values.T).max() <= accuracy
 
 
 @pytest.mark.parametrize("part", [1e-3, 1e-5])

@@ -49,7 +49,6 @@ from flexarm.simulation.run.coarse import (
     coarse_choice,
     coarse_errors,
     coarse_tolerance,
-    drive_tolerance,
     most_steps,
 )
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
@@ -391,10 +390,8 @@ class OpenLanes(Lanes):
         if state is None:
             state = self._alone.start(k, arm)
         loads, touch, contacts = self._loads_on(arm), 0.0, self._shared.environment.contacts
-        settings, large = self._settings, None
-        relative = relative_tolerance(settings, arm)
-        if not contacts and (large := coarse_tolerance(settings, arm)) is not None:
-            relative = drive_tolerance(settings, arm, large)
+        large = None if contacts else coarse_tolerance(self._settings, arm)
+        relative = relative_tolerance(self._settings, arm) if large is None else large
         history = self._alone.history(k, arm, state, relative)
         if contacts:
             placed = contacts_of_run(arm, contacts, state)
@@ -487,7 +484,7 @@ class OpenLanes(Lanes):
             pair = group.runs.samples[own, :count], others.runs.samples[rows, :count]
             steps = np.array([group.runs.counts[own, STEPS], others.runs.counts[rows, STEPS]])
             with np.errstate(all="ignore"):  # of runs that failed
-                errors = coarse_errors(arm, *pair, steps, self._settings)
+                errors = coarse_errors(arm, *pair, steps)
             request = request_of(self._settings, arm)
             assert request is not None
             failed = others.runs.status[rows] != Status.DONE

@@ -1,17 +1,16 @@
-"""Runs of smooth arms with large tolerances, which a second run verifies.
+"""Runs of smooth arms with a requested accuracy: large tolerances that a second run verifies.
 
-An accepted error says what the tolerances may cause in the whole run. Where nothing acts suddenly,
-steps of order 5 with bending implicit reach it with a third of its tolerance; only errors that
-grow, or add over long vibrations, need more. A run with ten times the tolerance shows which run is
-which, at half the cost: both together take fewer evaluations than one run that is safe for all
-motions (docs/performance/measure_accuracy.py).
+Where nothing acts suddenly, steps of order 5 with bending implicit reach the requested error of the
+tip at a tolerance of a third of it, unless errors grow, or add over long vibrations. A run with ten
+times the tolerance, at half the cost, shows whether they do (docs/performance/measure_accuracy.py).
+Velocities, forces and energies of samples between long steps err more than positions, so that runs
+without a request keep small tolerances.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -26,22 +25,16 @@ from flexarm.integrate.base import FloatArray, Status, System, Tolerance
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.impacts import LOOSER, Beginning, scaled, second_run
 from flexarm.simulation.run.integrator_choice import Choice, explicit_work
-from flexarm.simulation.run.settings import RunSettings, relative_tolerance, request_of
+from flexarm.simulation.run.settings import RunSettings, relative_tolerance
 from flexarm.simulation.run.small_motion import run_closely, small_motion
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.tolerance import absolute_tolerance, reach_of, share_of_finer
 from flexarm.simulation.run.work import EVALUATIONS_A_STEP
 from flexarm.simulation.run.work import choose as choose_closely
 
-#: Relative tolerance over the accepted error of the tip, that of a run whose user has not asked for
-#: one, and the largest. At 1 instead of 0.3 a quarter of runs must be repeated. Without a request,
-#: bending and forces count, too: they err by 3e-5 and 5e-4 of their largest values on damped arms
-#: (median), and three times as much at 0.3, with four fifths of the evaluations.
-_ASKED, _UNASKED, _MOST = 0.3, 0.1, 0.1
-#: Error of the velocity of the tip over its largest value, less than a line in a plot. Between
-#: long steps, rates of fast vibrations err more than positions: those of a falling chain by 6e-3 at
-#: an error of the tip of 6e-7 of the reach.
-_VELOCITY = 3e-3
+#: Relative tolerance over the requested error of the tip, and the largest. At 1 instead of 0.3 a
+#: quarter of runs must be repeated.
+_ASKED, _MOST = 0.3, 0.1
 #: Steps over those of the second run, 1.6 at order 5, below which both are limited by something
 #: else, such as samples of the torque, and their difference says nothing.
 _FEWER = 1.3
@@ -49,8 +42,8 @@ _FEWER = 1.3
 #: small tolerances, at 1e-9 as many (30 arms, median).
 _LEAST = 1e-8
 #: Most evaluations over the least ones of an explicit method, of which order 8 takes four to eight
-#: times as many at small tolerances. Most arms need at most 1.5 times as many, and those that turn
-#: and whirl fast, whose errors grow, three to six times.
+#: times as many at small tolerances. Arms of tests/accuracy_runs.py need at most 0.9 times as many,
+#: and those that turn and whirl fast, whose errors grow, three to six times.
 _EVALUATIONS = 2.0**1.5
 #: Exponents of two of the least and the most attempted steps: a few milliseconds, and less than
 #: lanes make.
@@ -60,14 +53,14 @@ _REASON = "order 5 with bending implicit: a second run verifies it"
 
 def run_accurately(run: Run, history_of: Callable[[float], PiecewiseCubic]) -> None:
     """Simulate under a torque with the accuracy that its settings promise."""
-    relative, history_of = _tolerance_of(run), cache(history_of)
+    relative = _tolerance_of(run)
     if relative is None or not _succeeds(run, history_of, relative):
         run_closely(run, history_of)
 
 
 def choose(run: Run, history_of: Callable[[float], PiecewiseCubic]) -> Choice:
     """Return the integrator of a run; one with large tolerances is executed, others are not."""
-    relative, history_of = _tolerance_of(run), cache(history_of)
+    relative = _tolerance_of(run)
     if relative is None or not _succeeds(run, history_of, relative):
         choose_closely(run, history_of(relative_tolerance(run.settings, run.arm)))
     return run.choice
@@ -90,17 +83,10 @@ def is_smooth(arm: Arm) -> bool:
 
 def coarse_tolerance(settings: RunSettings, arm: Arm) -> float | None:
     """Return the relative tolerance of a run without sudden loads; None if it must be small."""
-    request = request_of(settings, arm)
-    automatic = settings.integrator == "auto" and settings.step is None
-    if request is None or request < _LEAST or not automatic or not is_smooth(arm):
+    if settings.accuracy is None or settings.integrator != "auto" or not is_smooth(arm):
         return None
-    share = _UNASKED if settings.accuracy is None else _ASKED
-    return min(float(f"{share * request:.12g}"), _MOST)
-
-
-def drive_tolerance(settings: RunSettings, arm: Arm, relative: float) -> float:
-    """Return the relative tolerance of functions of time in a run with a large one."""
-    return relative if settings.accuracy is not None else relative_tolerance(settings, arm)
+    request = settings.accuracy / reach_of(arm)
+    return None if request < _LEAST else min(float(f"{_ASKED * request:.12g}"), _MOST)
 
 
 def coarse(tolerance: Tolerance, arm: Arm, relative: float) -> Tolerance:
@@ -115,29 +101,19 @@ def coarse_choice(fastest: float) -> Choice:
 
 
 def coarse_errors(
-    arm: Arm,
-    samples: FloatArray,
-    others: FloatArray,
-    steps: NDArray[np.int64],
-    settings: RunSettings,
+    arm: Arm, samples: FloatArray, others: FloatArray, steps: NDArray[np.int64]
 ) -> FloatArray:
     """Estimate errors (runs,) of the tip, over the reach, in samples (runs, k, 2, n, 1 + m).
 
     ``others`` are those of ten times the tolerance, ``steps`` (2, runs) those of both. The error is
-    infinite if the steps differ little, and without a request if the velocity of the tip errs
-    visibly.
+    infinite if the steps differ little.
     """
     count = min(samples.shape[1], others.shape[1])
-    tips = [
-        tips_of(arm, states[:, :count].reshape(-1, *states.shape[2:])).reshape(-1, count, 6)
-        for states in (samples, others)
-    ]
-    apart = share_of_finer(LOOSER) * np.abs(np.subtract(*tips)).max(axis=1, initial=0.0)
-    errors = np.hypot(apart[:, 0], apart[:, 1]) / reach_of(arm)
-    speed = np.hypot(tips[0][:, :, 3], tips[0][:, :, 4]).max(axis=1, initial=0.0)
-    visible = np.hypot(apart[:, 3], apart[:, 4]) > _VELOCITY * speed
-    wrong = visible & (settings.accuracy is None) | are_alike(*steps)
-    return np.where(wrong, np.inf, errors)
+    both = (states[:, :count].reshape(-1, *states.shape[2:]) for states in (samples, others))
+    apart = np.subtract(*(tips_of(arm, states)[:, :2] for states in both))
+    largest = np.hypot(*apart.T).reshape(-1, count).max(axis=1, initial=0.0)
+    errors = share_of_finer(LOOSER) / reach_of(arm) * largest
+    return np.where(are_alike(*steps), np.inf, errors)
 
 
 def are_alike(steps: Any, others: Any) -> Any:
@@ -157,7 +133,7 @@ def most_steps(fastest: float, duration: float) -> int:
 def _succeeds(run: Run, history_of: Callable[[float], PiecewiseCubic], relative: float) -> bool:
     """Simulate with a large tolerance; return whether a second run agrees, else begin again."""
     # The history also sets the start of prescribed joints.
-    run.history = history_of(drive_tolerance(run.settings, run.arm, relative))
+    run.history = history_of(relative)
     beginning, pause = Beginning.of(run, history_of), run.max_steps
     fastest, tolerance = run.choice.fastest, coarse(run.tolerance, run.arm, relative)
     run.choice, run.tolerance, run.doubt = coarse_choice(fastest), tolerance, ""
@@ -170,7 +146,7 @@ def _succeeds(run: Run, history_of: Callable[[float], PiecewiseCubic], relative:
     if other is not None and small_motion(tolerance, relative, True, samples, steps) is None:
         pair = samples[None], other.samples[None, : other.progress.sample]
         both = np.array([[steps], [other.progress.steps]])
-        error = float(coarse_errors(run.arm, *pair, both, run.settings)[0])
+        error = float(coarse_errors(run.arm, *pair, both)[0])
         if run.request is not None and error <= run.request:
             run.error = error
             return True
