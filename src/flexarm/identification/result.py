@@ -150,23 +150,23 @@ class Identification:
         if _KIND not in dataset.attrs:
             raise InputError(Problem("dataset", "does not contain an identification"))
         try:
-            given = json.loads(dataset.attrs[_KIND])
-            names = given.pop("histories")
+            content = json.loads(dataset.attrs[_KIND])
+            names = content.pop("histories")
             fields: dict[str, Any] = {name: _table(dataset, name) for name in _TABLES}
             for name in ("parameters", "initial"):
                 fields[name] = fields[name] or _no_parameters()
             fields["validation"] = fields["validation"] or fields["fit"].isel(record=slice(0, 0))
             fields["histories"] = {name: _history(dataset, k) for k, name in enumerate(names)}
-            noise, motors = given["torque_noise"], given["motors"]
+            noise, motors = content["torque_noise"], content["motors"]
             fields |= {
-                **given,
-                **{name: tuple(given.get(name, ())) for name in _SENTENCES},
-                "starts": tuple(given["starts"]),
+                **content,
+                **{name: tuple(content.get(name, ())) for name in _SENTENCES},
+                "starts": tuple(content["starts"]),
                 "torque_noise": None if noise is None else np.array(noise),
                 "motors": None if motors is None else Motors(**motors),
                 "flexarm_version": dataset.attrs["flexarm_version"],
                 "arm": _arm(dataset.attrs["arm"]),
-                "arms": {name: _arm(text) for name, text in given["arms"].items()},
+                "arms": {name: _arm(text) for name, text in content["arms"].items()},
             }
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             rule = f"contains a damaged identification: {type(error).__name__}"

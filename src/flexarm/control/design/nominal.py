@@ -371,8 +371,8 @@ class PreviewedReference:
         samples = self._first_tick + np.arange(self._end, self._end + count)
         times = np.asarray(samples * self._sample_time, dtype=np.float64)
         new = slice(self._end, self._end + count)
-        found = self.along(*self._motion(times, reference))
-        for buffer, values in zip(self._buffers, found, strict=True):
+        motion = self.along(*self._motion(times, reference))
+        for buffer, values in zip(self._buffers, motion, strict=True):
             buffer[new] = values
         self._end = new.stop
 

@@ -429,18 +429,18 @@ def _surface(needs: Requirements) -> dict[str, Any]:
 
 def plants_of(needs: Requirements) -> dict[str, dict[str, Any]]:
     """Return plants at the limits of the uncertainty, named by it; the first is the model."""
-    found: dict[str, dict[str, Any]] = {"nominal": {}}
+    plants: dict[str, dict[str, Any]] = {"nominal": {}}
     heavy = {"payload_factor": 1.0 + needs.payload}
     light = {"payload_factor": max(0.0, 1.0 - needs.payload)}
     soft = {"flexural_rigidity_factor": 1.0 - needs.rigidity}
     stiff = {"flexural_rigidity_factor": 1.0 + needs.rigidity}
     if needs.payload and needs.rigidity:
-        found["heavy, soft"] = heavy | soft
-        found["light, stiff"] = light | stiff
-        found["heavy, stiff"] = heavy | stiff
-        found["light, soft"] = light | soft
+        plants["heavy, soft"] = heavy | soft
+        plants["light, stiff"] = light | stiff
+        plants["heavy, stiff"] = heavy | stiff
+        plants["light, soft"] = light | soft
     elif needs.payload:
-        found |= {"heavy": heavy, "light": light}
+        plants |= {"heavy": heavy, "light": light}
     elif needs.rigidity:
-        found |= {"soft": soft, "stiff": stiff}
-    return found
+        plants |= {"soft": soft, "stiff": stiff}
+    return plants

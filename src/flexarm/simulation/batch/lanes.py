@@ -479,16 +479,19 @@ class OpenLanes(Lanes):
     def _inaccurate(self, group: Group, others: Group, places: list[int]) -> Iterator[int]:
         """Yield the places of runs of large tolerances that ``others`` do not verify."""
         for first in range(0, len(places), self._together):
-            own, rows = places[first : first + self._together], slice(first, first + self._together)
-            count, arm = int(group.runs.counts[own[0], SAMPLES]), group.ready[own[0]].arm
-            pair = group.runs.samples[own, :count], others.runs.samples[rows, :count]
-            steps = np.array([group.runs.counts[own, STEPS], others.runs.counts[rows, STEPS]])
+            judged, rows = (
+                places[first : first + self._together],
+                slice(first, first + self._together),
+            )
+            count, arm = int(group.runs.counts[judged[0], SAMPLES]), group.ready[judged[0]].arm
+            pair = group.runs.samples[judged, :count], others.runs.samples[rows, :count]
+            steps = np.array([group.runs.counts[judged, STEPS], others.runs.counts[rows, STEPS]])
             with np.errstate(all="ignore"):  # of runs that failed
                 errors = coarse_errors(arm, *pair, steps)
             request = request_of(self._settings, arm)
             assert request is not None
             failed = others.runs.status[rows] != Status.DONE
-            yield from np.array(own)[failed | ~(errors <= request)].tolist()
+            yield from np.array(judged)[failed | ~(errors <= request)].tolist()
 
     def _is_compared(self, group: Group, place: int) -> bool:
         """Return whether a run is compared with another one."""
