@@ -14,15 +14,12 @@ from __future__ import annotations
 
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.memory import BETWEEN, EVALUATIONS, SAMPLES, STEPS, TIME, Memory
-from flexarm.kernels.columns import W2
 from flexarm.kernels.compilation.cache import apart, inner, merged
 from flexarm.kernels.layout import Array, Sizes
 
 #: Steps shorter than this fraction of a radian of the fastest mode are truncated steps, in which
 #: the motion is negligible.
 SHORT = 1e-3
-#: A step does not resolve a mode whose phase changes by more than this angle (rad) in it.
-RESOLVED = 1.6
 
 
 @inner
@@ -135,15 +132,14 @@ def rate_between(
 
 @apart
 def between_ends(
-    sizes: Sizes, mode: Array, fastest: float, state: Array, new: Array, ends: Array, x: float,
-    h: float, sample: Array,
+    sizes: Sizes, fastest: float, state: Array, new: Array, ends: Array, x: float, h: float,
+    sample: Array,
 ) -> None:  # fmt: skip
     """Sample at x (0 to 1) of a step from the values and the first and last slopes of ``ends``.
 
-    ``mode``: of the constants of the arm; ``fastest``: of its tolerance.
-
-    For a mode that the step does not resolve, the interpolation is cubic, because its accelerations
-    are meaningless inside the step.
+    ``fastest``: of the tolerance. Modes that the step does not resolve follow the load, and their
+    accelerations at both ends belong to it: without them, rates between ends of order 5 err up to
+    100 times as much, and kinetic energies up to 10,000 times.
     """
     s = ends.shape[0] - 1
     fine = h * fastest > SHORT
@@ -155,15 +151,8 @@ def between_ends(
             q1 = new[0, i, j]
             v1 = new[1, i, j]
             a1 = ends[s, 1, i, j]
-            stiff = False
-            if j > 0:
-                stiff = h * h * mode[i, j - 1, W2] > RESOLVED * RESOLVED
-            if stiff:
-                sample[0, i, j] = rate_between(x, h, 0.0, q0, v0, 0.0, q1, v1, False)
-                sample[1, i, j] = v0 + x * (v1 - v0)
-            else:
-                sample[0, i, j] = coordinate_between(x, h, q0, v0, a0, q1, v1, a1)
-                sample[1, i, j] = rate_between(x, h, q0, v0, a0, q1, v1, a1, fine)
+            sample[0, i, j] = coordinate_between(x, h, q0, v0, a0, q1, v1, a1)
+            sample[1, i, j] = rate_between(x, h, q0, v0, a0, q1, v1, a1, fine)
 
 
 @merged
@@ -175,7 +164,7 @@ def samples_between(
     k = sample_before(memory, t_new)
     while k >= 0:
         between_ends(
-            system.sizes, system.constants.mode, tolerance.fastest, memory.state, memory.new, ends,
+            system.sizes, tolerance.fastest, memory.state, memory.new, ends,
             (memory.sample_times[k] - t) / h, h, memory.samples[k],
         )  # fmt: skip
         k = sample_before(memory, t_new)

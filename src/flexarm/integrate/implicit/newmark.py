@@ -16,7 +16,7 @@ import numpy as np
 from flexarm.integrate.base import System, Tolerance
 from flexarm.integrate.implicit.additive import shift_forces, soften_for
 from flexarm.integrate.memory import COUNT, EVALUATIONS, LENGTH, PLACE, SOFTENED, STEP, Memory
-from flexarm.integrate.samples import RESOLVED, begin_call, end_step, samples_between
+from flexarm.integrate.samples import begin_call, end_step, samples_between
 from flexarm.integrate.status import (
     DONE,
     INERTIA_LOST,
@@ -39,6 +39,8 @@ _PASSES = 50
 _SOLVED = 1e-3
 #: Smallest tolerance relative to the state, because of rounding errors.
 _ROUNDING = 1e-12
+#: A step does not resolve a mode whose phase changes by more than this angle (rad) in it.
+_RESOLVED = 1.6
 #: Largest step ratio by which the averaged acceleration is extrapolated.
 _GROWTH = 5.0
 
@@ -100,7 +102,7 @@ def _predict(system: System, record: NewmarkRecord, memory: Memory, h: float) ->
             stiff = False
             if j > 0:
                 fastest = math.sqrt(real(c.mode[i, j - 1, W2]))
-                stiff = h * max(fastest, real(c.mode[i, j - 1, MODE_DAMPING])) > RESOLVED
+                stiff = h * max(fastest, real(c.mode[i, j - 1, MODE_DAMPING])) > _RESOLVED
             # The acceleration of a mode that the step does not resolve is useless for a prediction.
             smooth[0, i, j] = q if stiff else q + h * (v + 0.5 * h * a)
             smooth[1, i, j] = v if stiff else v + h * a

@@ -15,7 +15,6 @@ from flexarm.integrate.implicit.additive import drag_at, shift_forces, soften_fo
 from flexarm.integrate.lanes.contacts import begin_contacts, touch_lanes
 from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
 from flexarm.integrate.lanes.steps import (
-    arm_of,
     begin_lanes,
     begin_steps,
     copy_packs,
@@ -96,13 +95,12 @@ def _samples_inside(sizes: Sizes, runs: LaneRuns, memory: LaneMemory) -> None:
         if memory.accepted.array[0, lane] == 0.0:
             continue
         k = memory.run[lane]
-        modes = runs.constants.mode  # of all arms
         h = memory.step.array[0, lane]
         due = runs.counts[k, SAMPLES]
         while due < runs.sample_times.shape[0] and runs.sample_times[due] < memory.end[lane]:
             x = (runs.sample_times[due] - runs.clock[k, TIME]) / h
             between_ends(
-                sizes, modes[arm_of(runs, k)], runs.fastest[k], memory.state.array[:, :, :, lane],
+                sizes, runs.fastest[k], memory.state.array[:, :, :, lane],
                 memory.new.array[:, :, :, lane], memory.stages.array[:, :, :, :, lane], x, h,
                 runs.samples[k, due],
             )  # fmt: skip
