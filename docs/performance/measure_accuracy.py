@@ -1,4 +1,4 @@
-"""Table "requested" of accuracy.md: cost and error of runs with a requested accuracy.
+"""Table "requested" of accuracy.md: cost and error of runs with a requested accuracy, or none.
 
 The arms are those of ``tests/accuracy_runs.py``, of one to three links, and the smooth ones of
 ``measure_default_step``, many of which turn and whirl fast. The cost is the number of
@@ -26,7 +26,9 @@ import flexarm as fa
 import flexarm.simulation.run.coarse as coarse
 from accuracy_runs import QUIET, random_arm
 
-ARMS, WHIRLING, PARTS = 30, 60, (1e-3, 1e-4, 1e-5, 1e-6)
+ARMS, WHIRLING = 30, 60
+#: Accuracies over the reach; None for a call without one.
+PARTS = (1e-3, 1e-4, 1e-5, 1e-6, None)
 #: Duration (s) of the runs of each kind of arm.
 KINDS = {"damping ratio 2 %": 1.0, "no damping": 1.0, "whirling": 0.5}
 Drawn = tuple[fa.Arm, dict[str, object]]
@@ -46,7 +48,9 @@ def arms(kind: str, count: int) -> Iterator[Drawn]:
         yield arm, {"torque": torque, "duration": KINDS[kind]}
 
 
-def measure(arm: fa.Arm, parts: tuple[float, ...] = PARTS, **arguments: object) -> np.ndarray:
+def measure(
+    arm: fa.Arm, parts: tuple[float | None, ...] = PARTS, **arguments: object
+) -> np.ndarray:
     """Return cost, error over accuracy, and error over its estimate, (parts, 3)."""
 
     def run(**how: float) -> object:
@@ -56,12 +60,15 @@ def measure(arm: fa.Arm, parts: tuple[float, ...] = PARTS, **arguments: object) 
 
     exact, reach, rows = run(rtol=1e-11), float(arm.lengths.sum()), []
     for part in parts:
-        result = run(accuracy=part * reach)
+        how = {} if part is None else {"accuracy": part * reach}
+        result = run(**how)
         with mock.patch.object(coarse, "_LEAST", np.inf):
-            close = run(accuracy=part * reach)
+            close = run(**how)
         apart = np.linalg.norm((result.tip - exact.tip).values, axis=1).max()
         cost = result.attrs["evaluations"] / close.attrs["evaluations"]
-        rows.append([cost, apart / (part * reach), apart / result.attrs["integration_error"]])
+        accuracy = reach * (1e-5 if part is None else part)
+        estimate = result.attrs.get("integration_error")
+        rows.append([cost, apart / accuracy, apart / estimate if estimate else np.nan])
     return np.array(rows)
 
 
@@ -72,9 +79,10 @@ def table(count: int) -> str:
         drawn = arms(kind, count * WHIRLING // ARMS if kind == "whirling" else count)
         rows = np.stack([measure(arm, **arguments) for arm, arguments in drawn])
         for part, values in zip(PARTS, np.moveaxis(rows, 1, 0), strict=True):
-            middle, most = np.median(values, axis=0), values.max(axis=0)
+            middle, most = np.nanmedian(values, axis=0), np.nanmax(values, axis=0)
             cells = [f"{a:.2f}, {b:.2f}" for a, b in zip(middle, most, strict=True)]
-            lines.append(f"| {kind} ({len(rows)}) | {part:.0e} | {' | '.join(cells)} |")
+            name = "default" if part is None else f"{part:.0e}"
+            lines.append(f"| {kind} ({len(rows)}) | {name} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 

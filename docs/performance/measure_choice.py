@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -114,8 +115,9 @@ def tables(found: list[Compared]) -> str:
     """Return all tables: ratios, methods, and kinds of arms."""
     ratios = [one.ratio for one in found]
     lines = ["| default / best | arms |", "| --- | --- |"]
-    for low, high in ((1.0, 1.1), (1.1, 2.0), (2.0, 4.0), (4.0, np.inf)):
-        lines.append(f"| {low:g} to {high:g} | {sum(low <= r < high for r in ratios)} |")
+    edges = 1.0, 1.1, 2.0, 4.0, np.inf  # infinite: a run that stops
+    for (low, high), arms in zip(pairwise(edges), np.histogram(ratios, edges)[0], strict=True):
+        lines.append(f"| {low:g} to {high:g} | {arms} |")
     lines += ["", f"median {np.median(ratios):.2f}, worst {max(ratios):.1f}", ""]
     lines += ["| integrator | best, within 10 % | median cost / best |", "| --- | --- | --- |"]
     for name in INTEGRATORS:

@@ -160,6 +160,7 @@ def test_a_step_simulates_one_sample_time_with_a_constant_torque(name):
         torque_interpolation="hold",
         initial=q,
         contacts=env.unwrapped.contacts(),
+        rtol=1e-7,
     )
     # Both stop at every sample time, so the difference is rounding.
     np.testing.assert_allclose(env.unwrapped.plant.q, result.q.values[-1], rtol=0, atol=1e-12)

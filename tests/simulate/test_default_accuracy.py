@@ -28,12 +28,12 @@ def test_errors_are_below_the_default():
         close = fa.simulate(arm, 0.6, torque=torque, rtol=1e-7, **QUIET)
         reach = float(arm.lengths.sum())
         assert result.attrs["accuracy"] == pytest.approx(DEFAULT * reach)
-        assert "integration_error" not in result.attrs  # no second run
+        assert "integration_error" not in result.attrs or result.attrs["rtol"] > 1e-7
         assert "accuracy" not in close.attrs
         shares.append(tip_error(arm, result, torque=torque) / result.attrs["accuracy"])
         works.append(result.attrs["evaluations"] / close.attrs["evaluations"])
     assert max(shares) < 1.0
-    assert np.median(works) == 1.0  # most runs are not compared with another one
+    assert np.median(works) < 0.7  # with both runs of those that a second one verifies
     assert max(works) < 2.0
 
 
@@ -47,12 +47,34 @@ def test_an_undamped_link_under_a_step_of_force():
     assert np.abs(result.tip - exact.tip).max() < result.attrs["accuracy"]
 
 
+def test_joint_forces_of_vibrations_without_damping():
+    """After a step of the torque, large tolerances lose fast vibrations, which carry forces."""
+    _, torque = random_arm(4)
+    for ratio, tolerance, worst in ((None, 1e-7, 0.1), (0.02, 1e-6, 0.02)):
+        arm, _ = random_arm(4)
+        damping = None if ratio is None else fa.ModalDamping(ratio=ratio)
+        links = [link.replace(damping=damping) for link in arm.spec.links]
+        arm = fa.Arm(links=links, joints=arm.spec.joints)
+        run = {"torque": lambda t: torque(0.012), **QUIET}
+        result = fa.simulate(arm, 0.5, **run)
+        exact = fa.simulate(arm, 0.5, rtol=1e-11, **run).joint_force
+        coarse = fa.simulate(arm, 0.5, rtol=1e-6, integrator="kennedy_carpenter_5", **run)
+        assert result.attrs["rtol"] == tolerance
+        error, large = (
+            np.abs(other.joint_force - exact).max() / np.abs(exact).max()
+            for other in (result, coarse)
+        )
+        assert error < worst
+        assert (large > 2.0 * error) == (ratio is None)
+
+
 @pytest.mark.parametrize("given", [{"rtol": 1e-7}, {"atol": 1e-8}, {"integrator": "auto"}])
 def test_given_tolerances_decide(given):
     arm, torque = random_arm(1)
     result = fa.simulate(arm, 0.1, torque=torque, **given, **QUIET)
-    assert ("accuracy" in result.attrs) == ("integrator" in given)
-    assert result.attrs["rtol"] == 1e-7
+    decided = "integrator" not in given
+    assert ("accuracy" not in result.attrs) == decided
+    assert result.attrs["rtol"] == (1e-7 if decided else 1e-6)
 
 
 @pytest.mark.parametrize("function", [fa.sensitivities, fa.goal_gradient, fa.identify])

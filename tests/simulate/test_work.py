@@ -53,7 +53,7 @@ def test_a_link_that_is_almost_rigid_falls_like_a_rigid_one(rigidity):
 @pytest.mark.thorough
 def test_visible_vibrations_are_followed():
     arm = rod(100.0)
-    result, tight = fall(arm, 2.5), fall(arm, 2.5, rtol=1e-11, atol=1e-13)
+    result, tight = fall(arm, 2.5, rtol=1e-7), fall(arm, 2.5, rtol=1e-11, atol=1e-13)
     assert result.integrator == "dormand_prince_8"
     np.testing.assert_allclose(result.tip, tight.tip, rtol=0, atol=1e-7)
 
@@ -99,7 +99,7 @@ def test_work_of_random_arms_is_near_that_of_the_best_method(power):
                 assert power < 0
                 continue
             assert result.evaluations < max(3 * other.evaluations, FEW)
-            if choice.integrator.name == "kennedy_carpenter_5":
+            if choice.integrator.name == "kennedy_carpenter_5" and "second" not in choice.reason:
                 # An explicit method takes at least one evaluation per radian.
                 assert result.evaluations < choice.fastest * duration
 
@@ -194,7 +194,10 @@ def test_loops_leave_fast_vibrations_to_the_implicit_method_only_where_errors_st
 
 
 def test_check_recommends_the_integrator_of_the_run():
-    for rigidity, name in ((1e8, "kennedy_carpenter_5"), (100.0, "dormand_prince_8")):
+    stiff, smooth = (1e8, {}, "kennedy_carpenter_5"), (100.0, {}, "kennedy_carpenter_5")
+    for rigidity, how, name in (stiff, smooth, (100.0, {"rtol": 1e-7}, "dormand_prince_8")):
         arm = rod(rigidity)
-        choice = integrator_of(arm, duration=1.0)
-        assert choice.integrator.name == name == fall(arm).integrator
+        choice = integrator_of(arm, duration=1.0, **how)
+        result = fall(arm, **how)
+        assert choice.integrator.name == name == result.integrator
+        assert choice.reason == result.integrator_reason

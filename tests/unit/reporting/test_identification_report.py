@@ -24,7 +24,7 @@ def arm():
 def found():
     """Return an identification with a gap, a parameter without effect, and a validation."""
     torque = fa.multisine(0.25, (4.0, 24.0), 0.2, rise=0.05).samples(200.0, 0.5)
-    result = fa.simulate(arm(), 0.5, torque=torque, rate=200.0)
+    result = fa.simulate(arm(), 0.5, torque=torque, rate=200.0, rtol=1e-7)
     random = np.random.default_rng(0)
     records = []
     for _ in range(2):

@@ -31,6 +31,7 @@ from flexarm.planning.optimize.task import MotionLimits, Quantities, bounds_of, 
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.histories.multisine import Multisine, multisine, rates_of, schroeder
 from flexarm.simulation.histories.piecewise import sampled_torque
+from flexarm.simulation.run.tolerance import RTOL
 
 #: Sharpness of the smooth largest value over time, and least relative information of a combination.
 _SHARP, _SINGULAR = 60.0, 1e-12
@@ -205,6 +206,7 @@ class _Experiment:
             self.duration,
             torque=torque.samples(self.rate, self.duration),
             rate=self.rate,
+            rtol=RTOL,
             initial=self.arm.rest(self.angles),
             progress=False,
         )

@@ -47,6 +47,7 @@ from flexarm.simulation.calls.result import make_result
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.derivatives.gradient import goal_gradient
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
+from flexarm.simulation.run.tolerance import RTOL
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -227,6 +228,7 @@ def simulated(task: Task, plant: Arm, plan: Plan) -> xr.Dataset:
             torque=plan.torque_history(task.start.torque, task.end.torque),
             initial=equilibrium(plant, joint_angles).q,
             rate=_SAMPLES * max(plan.intervals, int(np.ceil(periods))) / plan.duration,
+            rtol=RTOL,
             progress=False,
         )
 
@@ -540,6 +542,7 @@ class _Correction:
             torque=history,
             initial=self._task.start.q,
             rate=_SAMPLES * plan.intervals / plan.duration,
+            rtol=RTOL,
             progress=False,
         )
         last = np.concatenate([run.q.values[-1], run.qd.values[-1]])

@@ -16,7 +16,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import BendingErrors, theory_error
 from flexarm.arm.observe import channels_of, contact_channels
 from flexarm.base.errors import InputError, SimulationError
-from flexarm.integrate.base import FloatArray, Status, Tolerance
+from flexarm.integrate.base import FloatArray, Status, System, Tolerance
 from flexarm.integrate.lanes.data import LaneDrive, LaneRuns
 from flexarm.integrate.lanes.stepper import (
     CONTACT_PLACES,
@@ -50,6 +50,7 @@ from flexarm.simulation.run.coarse import (
     coarse_errors,
     coarse_tolerance,
     most_steps,
+    rings,
 )
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
 from flexarm.simulation.run.impacts import (
@@ -398,13 +399,17 @@ class OpenLanes(Lanes):
             refuse_deep_start(arm, state, placed)
             loads = replace(loads, placed=loads.placed._replace(contacts=placed))
             touch = contact_frequency(arm, placed)
-        return Ready(k, arm, state, loads, history, touch=touch, large=large)
+        run = Ready(k, arm, state, loads, history, touch=touch, large=large)
+        if large is not None and rings(self._settings, arm, _system(run), history, state):
+            return self._small(run, 0)
+        return run
 
     def _most_steps(self, run: Ready, fastest: float) -> int:
         if run.large is None:
             return MOST_STEPS
         tolerance = self._tolerance_of_run(run)._replace(fastest=fastest)
-        return most_steps(fastest_of(run.arm, tolerance), self._shared.duration)
+        stops = len(run.loads.stops_with(run.drive))
+        return most_steps(fastest_of(run.arm, tolerance), self._shared.duration, stops)
 
     def _again(self, group: Group) -> list[Ready]:
         if group.ready[0].large is None:
@@ -437,8 +442,8 @@ class OpenLanes(Lanes):
         choice = choose_by_drive(choice, run.arm, stops, self._shared.duration)
         touch = max(tolerance.fastest, run.touch)
         tolerance = self._tolerance_of(run.arm)._replace(fastest=touch)
-        system = partial(system_of, run.arm, (), run.loads, run.drive)
-        start = Start(run.arm, run.state, tolerance, self._shared.duration, system)
+        duration, system = self._shared.duration, partial(_system, run)
+        start = Start(run.arm, run.state, tolerance, duration, system)
         return choose_by_work(choice, start)
 
     def _carry(self, group: Group, looser: float = 1.0) -> None:
@@ -487,7 +492,7 @@ class OpenLanes(Lanes):
             pair = group.runs.samples[judged, :count], others.runs.samples[rows, :count]
             steps = np.array([group.runs.counts[judged, STEPS], others.runs.counts[rows, STEPS]])
             with np.errstate(all="ignore"):  # of runs that failed
-                errors = coarse_errors(arm, *pair, steps)
+                errors = coarse_errors(arm, *pair, steps, self._settings)
             request = request_of(self._settings, arm)
             assert request is not None
             failed = others.runs.status[rows] != Status.DONE
@@ -495,11 +500,9 @@ class OpenLanes(Lanes):
 
     def _is_compared(self, group: Group, place: int) -> bool:
         """Return whether a run is compared with another one."""
-        if group.ready[place].large is not None:
-            return True
-        arm, samples = group.ready[place].arm, group.samples(place)
-        if self._settings.accuracy is not None or request_of(self._settings, arm) is None:
-            return False
+        arm, samples, settings = group.ready[place].arm, group.samples(place), self._settings
+        if settings.accuracy is not None or request_of(settings, arm) is None:
+            return group.ready[place].large is not None
         constants, unit = constants_with(arm, ()), group.unit(place)
         return may_grow(group.method.name, samples, constants, unit, self._times)
 
@@ -510,6 +513,10 @@ class OpenLanes(Lanes):
         self, group: Group, places: NDArray[np.intp], times: FloatArray
     ) -> dict[str, FloatArray]:
         return {"torque": np.array([group.ready[k].drive.at(times) for k in places])}
+
+
+def _system(run: Ready) -> System:
+    return system_of(run.arm, (), run.loads, run.drive)
 
 
 def _structure(run: Ready) -> tuple[int, ...]:

@@ -123,7 +123,8 @@ def simulate(
             second run verifies it, and a run that misses it is repeated; a smooth arm begins with
             large tolerances. Only the position of the tip counts. Instead of ``rtol`` and ``atol``.
             Without these, ``step`` and a named integrator, the accuracy is 1e-5 of the reach; then
-            only a run in which errors may grow is compared with a second one.
+            a smooth arm begins with large tolerances, too, and a second run verifies motions in
+            which errors may grow: small tolerances follow if the error is larger.
         rtol, atol: error allowed per step, relative, by default 1e-7 where no accuracy decides, and
             absolute in metres at the tip, by default ``rtol / 100`` of the reach; with a fixed step
             only the tolerance for functions of time. A run whose whole motion is small beside
@@ -146,8 +147,8 @@ def simulate(
         ``events`` also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1
         falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is
         "duration", "failure" or the name of the event that ended the run. The attribute
-        ``accuracy`` (m) is absent if tolerances decide. With the argument ``accuracy`` the
-        attribute ``integration_error`` (m, at the tip) is its estimated error. With ``changes``
+        ``accuracy`` (m) is absent if tolerances decide. If a second run verified it, the attribute
+        ``integration_error`` (m, at the tip) is its estimated error. With ``changes``
         also ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and
         ``change_energy`` (J, of the arm) over ``change``; the attribute ``arm`` describes the arm
         at the start.

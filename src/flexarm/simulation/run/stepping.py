@@ -131,6 +131,20 @@ def system_of(
     return System(sizes, constants, drive, new_workspace(constants))
 
 
+def accelerations_at(
+    arm: Arm, system: System, times: FloatArray, states: FloatArray, given: FloatArray
+) -> FloatArray:
+    """Compute the accelerations (T, n, 1 + m) of states at times; ``given`` as in `Run.reactions`.
+
+    ``system``: of a run, whose torque does not count.
+    """
+    n, accelerations = arm.assembly.bodies, np.zeros((len(times), *states.shape[2:]))
+    shapes = (n, 3), (n, 3), (n,), (arm.closure_rows + 1,)
+    others = (np.zeros((len(times), *shape)) for shape in shapes)
+    reactions_many(system, times, states, arm.padded_torque(given), accelerations, *others)
+    return accelerations
+
+
 @dataclass
 class Run:
     """Arguments and current progress of one run.
@@ -179,14 +193,8 @@ class Run:
 
     def accelerations(self, given: FloatArray) -> FloatArray:
         """Compute the accelerations (T, n, 1 + m) at the samples; ``given`` as in `reactions`."""
-        times, states, n = self.sample_times, self.samples, self.arm.assembly.bodies
-        accelerations = np.zeros((len(times), *states.shape[2:]))
-        shapes = (n, 3), (n, 3), (n,), (self.arm.closure_rows + 1,)
-        others = (np.zeros((len(times), *shape)) for shape in shapes)
         system = self.system(PiecewiseCubic.constant(np.zeros(self.arm.n_joints)))
-        torques = self.arm.padded_torque(given)
-        reactions_many(system, times, states, torques, accelerations, *others)
-        return accelerations
+        return accelerations_at(self.arm, system, self.sample_times, self.samples, given)
 
     def reactions(
         self, times: FloatArray, angle: FloatArray, given: FloatArray
