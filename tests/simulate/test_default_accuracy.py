@@ -33,7 +33,7 @@ def test_errors_are_below_the_default():
         shares.append(tip_error(arm, result, torque=torque) / result.attrs["accuracy"])
         works.append(result.attrs["evaluations"] / close.attrs["evaluations"])
     assert max(shares) < 1.0
-    assert np.median(works) < 0.7  # with both runs of those that a second one verifies
+    assert np.median(works) < 0.9  # with both runs of those that a second one verifies
     assert max(works) < 2.0
 
 

@@ -501,10 +501,11 @@ class OpenLanes(Lanes):
     def _is_compared(self, group: Group, place: int) -> bool:
         """Return whether a run is compared with another one."""
         arm, samples, settings = group.ready[place].arm, group.samples(place), self._settings
+        large, constants = group.ready[place].large is not None, constants_with(arm, ())
         if settings.accuracy is not None or request_of(settings, arm) is None:
-            return group.ready[place].large is not None
-        constants, unit = constants_with(arm, ()), group.unit(place)
-        return may_grow(group.method.name, samples, constants, unit, self._times)
+            return large
+        how = constants, group.unit(place), self._times, large
+        return may_grow(group.method.name, samples, *how)
 
     def _warnings(self, group: Group, place: int, notices: str) -> list[str]:
         return [notices, group.carried.get(place, "")]

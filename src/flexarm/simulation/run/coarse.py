@@ -39,8 +39,8 @@ from flexarm.simulation.run.work import choose as choose_closely
 #: bending and forces count, too: they err by 3e-5 and 6e-4 of their largest values on damped arms
 #: (median), and twice as much at 0.3, with two thirds of the evaluations.
 _ASKED, _UNASKED, _MOST = 0.3, 0.1, 0.1
-#: Error of the velocity of the tip over its largest value, less than a line in a plot: rates of fast
-#: vibrations err more than positions.
+#: Error of the velocity of the tip over its largest value, less than a line in a plot. Rates of
+#: fast vibrations err more than positions.
 _VELOCITY = 3e-3
 #: Steps over those of the second run, 1.6 at order 5, below which both are limited by something
 #: else, such as samples of the torque, and their difference says nothing.
@@ -59,7 +59,7 @@ _DECAY, _SUDDEN = 0.01, 1e-5
 #: Exponents of two of the least and the most attempted steps: a few milliseconds, and less than
 #: lanes make.
 _STEPS = 8, 17
-_REASON = "order 5 with bending implicit, and a second run where errors may grow"
+_REASON = "order 5 with bending implicit: a second run verifies it if errors may grow"
 
 
 def run_accurately(run: Run, history_of: Callable[[float], PiecewiseCubic]) -> None:
@@ -193,7 +193,7 @@ def _succeeds(run: Run, history_of: Callable[[float], PiecewiseCubic], relative:
     if good and small_motion(tolerance, relative, True, samples, steps) is None:
         constants = constants_with(run.arm, run.prescribed)
         seen = run.integrator.name, samples, constants, tolerance.unit, run.sample_times
-        if run.settings.accuracy is None and not may_grow(*seen):
+        if run.settings.accuracy is None and not may_grow(*seen, large=True):
             return True
         other = second_run(run, beginning, tolerance=scaled(tolerance, LOOSER))
         if other is not None:

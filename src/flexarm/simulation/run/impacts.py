@@ -244,13 +244,21 @@ def returns_to_surface(
 
 
 def may_grow(
-    method: str, samples: FloatArray, constants: ArmConstants, unit: FloatArray, times: FloatArray
+    method: str,
+    samples: FloatArray,
+    constants: ArmConstants,
+    unit: FloatArray,
+    times: FloatArray,
+    large: bool = False,
 ) -> bool:
-    """Return whether a free joint turns far, or vibrations last, in samples (k, 2, n, 1 + m)."""
+    """Return whether a free joint turns far, or vibrations last, in samples (k, 2, n, 1 + m).
+
+    With ``large`` tolerances a quarter of the turn counts: steps of 0.1 rad err in the same sense.
+    """
     if len(samples) < 2:
         return False
     turns = np.abs(np.diff(samples[:, 0, :, 0], axis=0)).sum(axis=0)
-    if np.any(turns[constants.free > 0.0] > _FAR):
+    if np.any(turns[constants.free > 0.0] > (0.25 if large else 1.0) * _FAR):
         return True
     if method != KennedyCarpenter5.name:
         return False
