@@ -74,7 +74,7 @@ def flexarm(case: Case, basis: str, build: Callable[[], fa.Arm], truth: str, **h
         own = f"rtol {relative:.0e}, atol {absolute * length:.0e} m"
         if (large := coarse_tolerance(RunSettings(), arm)) is not None:
             first = f"rtol {large:.0e}, atol {1e-2 * large * length:.0e} m"
-            own = f"{first} and a run at ten times both, or {own}"
+            own = f"{first}, or {own} where errors grow"
         fixed = [f"{DEFAULTS}: {own}"]
     specialized = ["for its size"] if how.get("specialized") else []
     return Entry("flexarm", ", ".join([name, basis, *fixed, *specialized]), truth, prepare)
