@@ -416,8 +416,8 @@ class SampledSteps:
 
     The steps are those of the method "rk4" and their number follows from the fastest mode of the
     arm, as in `SampledStep`, but they are coarser, for controllers. The derivatives are those of
-    linear motion over each sample time, sampled exactly. Its Jacobian is interpolated between those
-    at every second sample: the error is of second order in the sample time.
+    linear motion about every second sample, sampled exactly, and interpolated between these: their
+    error is of second order in the sample time.
     """
 
     def __init__(self, arm: Arm, sample_time: float, most: int) -> None:
@@ -465,36 +465,30 @@ class SampledSteps:
             view.sizes, view.constants, self._A, self._h, self.steps, self._torques, *self._plain,
             view.loads, view.work, *self._buffers, motion[1:],
         )  # fmt: skip
-        sampled = _exponentials(self._linear(motion, self._torques[:count]), self._doublings)
+        # From the samples 0, 2, 4, ... and the last to the middle of each sample time.
+        at, pair = np.append(np.arange(0, count, 2), count), np.arange(count) // 2
+        held = np.vstack([torques[:1], torques, torques[-1:]])
+        nodes = self._sampled(motion[at], 0.5 * (held[at] + held[at + 1]))
+        share = ((np.arange(count) + 0.5 - at[pair]) / np.diff(at)[pair])[:, None, None]
+        slopes = (1.0 - share) * nodes[pair] + share * nodes[pair + 1]
         after = motion[1:].reshape(count, 2, -1)[:, :, self._places].reshape(count, size)
-        return Steps(after, sampled[:, :size, :size], sampled[:, :size, size:])
+        return Steps(after, slopes[..., :size], slopes[..., size:])
 
-    def _linear(self, motion: FloatArray, torques: FloatArray) -> FloatArray:
-        """Return the Jacobians by state and torque times the sample time, in its middle (N, ...).
-
-        They are square: the rows of the torques (joints, 2 dof + joints) are zero.
-        """
-        count, size, middle = len(torques), self._size, np.arange(len(torques)) + 0.5
-        at = np.append(np.arange(0, count, 2), count)
-        around = np.vstack([torques[:1], torques, torques[-1:]])
-        nodes, means = motion[at], 0.5 * (around[at] + around[at + 1])
-        start, moved = self._state.array, self._moved.array
-        for node, mean, changes in zip(nodes, means, self._changes, strict=False):
-            self._torque[0] = mean
+    def _sampled(self, nodes: FloatArray, torques: FloatArray) -> FloatArray:
+        """Return derivatives (k, 2 dof, 2 dof + joints) over a sample of motion about k states."""
+        k, size, start, moved = len(nodes), self._size, self._state.array, self._moved.array
+        for node, torque, changes in zip(nodes, torques, self._changes, strict=False):
+            self._torque[0, self._bodies] = torque
             for entry, arguments, change in zip(self._entries, self._blocks, changes, strict=True):
                 start[..., 0] = node
                 entry(*arguments)
                 change[:] = moved[0]
-        by = self._changes[: len(at)].reshape(len(at), len(self._blocks), 2, -1, 1 + DIRECTIONS)
-        by = np.moveaxis(by[:, :, :, self._places, 1:], 1, 3).reshape(len(at), size, -1)
-        before = np.arange(count) // 2
-        first, last = at[before], at[before + 1]
-        share = ((middle - first) / (last - first))[:, None, None]
-        whole = np.zeros((count, size + self._joints, size + self._joints))
-        by = by[..., : whole.shape[2]]
-        whole[:, :size] = (1.0 - share) * by[before] + share * by[before + 1]
+        by = self._changes[:k].reshape(k, len(self._blocks), 2, -1, 1 + DIRECTIONS)
+        by = np.moveaxis(by[:, :, :, self._places, 1:], 1, 3).reshape(k, size, -1)
+        whole = np.zeros((k, size + self._joints, size + self._joints))
+        whole[:, :size] = by[..., : whole.shape[2]]
         whole[:, :size, :size] -= np.eye(size)
-        return whole
+        return _exponentials(whole, self._doublings)[:, :size]
 
 
 def _exponentials(matrices: FloatArray, doublings: int) -> FloatArray:
