@@ -9,7 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm.control.contract.base import Arrays, Controller, Reference, Rest, declares
+from flexarm.control.contract.base import (
+    Arrays,
+    Controller,
+    Reference,
+    Rest,
+    around,
+    declares,
+)
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 
 #: Step of the central differences of laws that do not accept complex numbers, relative to the size
@@ -91,6 +98,10 @@ def linear_controller(
     Differences are relative to the size of a number, so that they do not depend on units.
     """
     law = deepcopy(controller)
+    for inner in around(law):
+        # Away from the posture of its design, a law may request torques of another equilibrium.
+        if getattr(inner, "torque_limit", None) is not None:
+            inner.torque_limit = np.full(np.shape(inner.torque_limit), np.inf)
     law.reset()
     readings = Measurement(**{name: np.array(value) for name, value in measured.items()})
     inputs = law.planned(t, Rest(readings) if reference is None else reference)
