@@ -53,11 +53,12 @@ class MPC(MPCParameters, LQG):
     references = "LawsonHanson1974"
 
     def _prepare(self) -> None:
-        joints = self.arm.n_joints
-        self._most = self.torque_limit
+        N, m = self.horizon, self.arm.n_joints
         self._rate_step = None if self.torque_rate is None else self.sample_time * self.torque_rate
+        self._difference = np.eye(N * m) - np.eye(N * m, k=-m)
+        kinds = [limit for limit in (self.torque_limit, self._rate_step) if limit is not None]
+        self._limits = np.concatenate([np.tile(limit, N) for limit in kinds])
         super()._prepare()
-        self._difference = np.eye(self.horizon * joints) - np.eye(self.horizon * joints, k=-joints)
 
     @property
     def limited(self) -> int:
@@ -98,8 +99,8 @@ class MPC(MPCParameters, LQG):
         Otherwise the small changes of readings between its updates would activate this limit.
         """
         mine = deepcopy(self)
-        mine.nominal = mine._rate_step = None
-        mine._motion = mine._nominal_motion()
+        mine.nominal = mine.torque_rate = None
+        mine._prepare()
         return mine
 
     def report(self) -> dict[str, float]:
@@ -119,8 +120,9 @@ class MPC(MPCParameters, LQG):
         """Return the memory of plans before the first one, which is not a number."""
         m = self.arm.n_joints
         plans = {"applied": np.full(m, np.nan), "plan": np.full(self.horizon * m, np.nan)}
-        kinds = 2 if self._rate_step is None else 4
-        active = np.zeros((kinds, self.horizon, m), dtype=bool)
+        active = np.zeros(
+            (2 * self._limits.size // plans["plan"].size, self.horizon, m), dtype=bool
+        )
         return {**plans, "active": active, "limited": 0, "inaccurate": 0, "fallback": 0}
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
@@ -170,18 +172,19 @@ class MPC(MPCParameters, LQG):
 
     def _bounds(self, torque: FloatArray, applied: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the distances of torques over the horizon from the limits."""
-        most = np.tile(self._most, self.horizon)
-        low, high = -most - torque, most - torque
+        limits, planned = self._limits, torque
         if self._rate_step is not None:
-            change = self._difference @ torque
-            step = np.tile(self._rate_step, self.horizon)
-            m = self.arm.n_joints
+            N, m, planned = (
+                torque.size,
+                self.arm.n_joints,
+                np.append(torque, self._difference @ torque),
+            )
             if np.isnan(applied[0]):
-                step[:m] = np.inf  # the first torque is arbitrary
+                limits = limits.copy()
+                limits[N : N + m] = np.inf  # the first torque is arbitrary
             else:
-                change[:m] -= applied
-            low, high = np.append(low, -step - change), np.append(high, step - change)
-        return low, high
+                planned[N : N + m] -= applied
+        return -limits - planned, limits - planned
 
     def _change(
         self, low: FloatArray, high: FloatArray, active: NDArray[np.bool_]
@@ -192,12 +195,12 @@ class MPC(MPCParameters, LQG):
         excess of the change over a limit, infinite if none was found; the third its active limits.
         """
         by_unknown = self._torque_by_unknown()
-        rows, limit = by_unknown, np.tile(self._most, self.horizon)
+        rows = by_unknown
         if self._rate_step is not None:
             rows = np.vstack([rows, self._difference @ rows])
-            limit = np.append(limit, np.tile(self._rate_step, self.horizon))
-        rows = rows / limit[:, None]
-        matrix, floor = np.vstack([rows, -rows]), np.concatenate([low / limit, -high / limit])
+        rows = rows / self._limits[:, None]
+        matrix = np.concatenate([rows, -rows])
+        floor = np.concatenate([low / self._limits, -high / self._limits])
         later = np.concatenate([active[:, 1:], active[:, -1:]], axis=1)
         least, found = least_distance(matrix, floor, later.ravel())
         if least is None:
@@ -228,7 +231,7 @@ def least_distance(
     from scipy.optimize import nnls
 
     # Scale rows to length one and floors to at most one, so that tolerances are relative.
-    length = np.linalg.norm(matrix, axis=1)
+    length = np.sqrt(np.einsum("ij,ij->i", matrix, matrix))
     rows, scaled = matrix / length[:, None], floor / length
     size = max(float(np.max(scaled)), 1e-300)
     tried = active if np.any(active) else scaled > 0.0
