@@ -9,14 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm.control.contract.base import (
-    Arrays,
-    Controller,
-    Reference,
-    Rest,
-    around,
-    declares,
-)
+from flexarm.control.contract.base import Arrays, Controller, Reference, Rest, declares
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 
 #: Step of the central differences of laws that do not accept complex numbers, relative to the size
@@ -98,13 +91,13 @@ def linear_controller(
     Differences are relative to the size of a number, so that they do not depend on units.
     """
     law = deepcopy(controller)
-    for inner in around(law):
-        # Away from the posture of its design, a law may request torques of another equilibrium.
-        if getattr(inner, "torque_limit", None) is not None:
-            inner.torque_limit = np.full(np.shape(inner.torque_limit), np.inf)
     law.reset()
     readings = Measurement(**{name: np.array(value) for name, value in measured.items()})
     inputs = law.planned(t, Rest(readings) if reference is None else reference)
+    nominal, limit = inputs.get("nominal_torque"), getattr(law, "torque_limit", None)
+    if nominal is not None and limit is not None and np.all(np.abs(nominal) < limit):
+        # Away from the posture of its design, a law requests more until the links have sagged.
+        vars(law)["torque_limit"] = np.full(np.shape(limit), np.inf)
     memory, _ = law.step(law.initial_memory(readings, inputs), readings, inputs)
     step = StepMap(law, memory, readings, inputs)
     if step.analytic:

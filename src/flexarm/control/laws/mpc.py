@@ -121,7 +121,7 @@ class MPC(MPCParameters, LQG):
         m = self.arm.n_joints
         plans = {"applied": np.full(m, np.nan), "plan": np.full(self.horizon * m, np.nan)}
         active = np.zeros(
-            (2 * self._limits.size // plans["plan"].size, self.horizon, m), dtype=bool
+            (2 * self._limits.size // (self.horizon * m), self.horizon, m), dtype=bool
         )
         return {**plans, "active": active, "limited": 0, "inaccurate": 0, "fallback": 0}
 
@@ -174,16 +174,13 @@ class MPC(MPCParameters, LQG):
         """Return the distances of torques over the horizon from the limits."""
         limits, planned = self._limits, torque
         if self._rate_step is not None:
-            N, m, planned = (
-                torque.size,
-                self.arm.n_joints,
-                np.append(torque, self._difference @ torque),
-            )
+            planned = np.append(torque, self._difference @ torque)
+            first = slice(torque.size, torque.size + applied.size)
             if np.isnan(applied[0]):
                 limits = limits.copy()
-                limits[N : N + m] = np.inf  # the first torque is arbitrary
+                limits[first] = np.inf  # the first torque is arbitrary
             else:
-                planned[N : N + m] -= applied
+                planned[first] -= applied
         return -limits - planned, limits - planned
 
     def _change(
@@ -194,8 +191,7 @@ class MPC(MPCParameters, LQG):
         ``active`` are the active limits of the last sample. The second result is the relative
         excess of the change over a limit, infinite if none was found; the third its active limits.
         """
-        by_unknown = self._torque_by_unknown()
-        rows = by_unknown
+        rows = by_unknown = self._torque_by_unknown()
         if self._rate_step is not None:
             rows = np.vstack([rows, self._difference @ rows])
         rows = rows / self._limits[:, None]
@@ -205,9 +201,8 @@ class MPC(MPCParameters, LQG):
         least, found = least_distance(matrix, floor, later.ravel())
         if least is None:
             return np.zeros(len(by_unknown)), np.inf, active
-        excess = float(np.max(floor - matrix @ least))
-        finite = excess if np.isfinite(excess) else np.inf
-        return by_unknown @ least, finite, found.reshape(active.shape)
+        excess = np.nan_to_num(float(np.max(floor - matrix @ least)), nan=np.inf, posinf=np.inf)
+        return by_unknown @ least, excess, found.reshape(active.shape)
 
     def _torque_by_unknown(self) -> FloatArray:
         """Return the torques of the horizon by unknowns whose sum of squares is the cost."""
@@ -239,16 +234,15 @@ def least_distance(
         chosen = rows[tried]
         _, multipliers, failed = lapack.dposv(chosen @ chosen.T, scaled[tried])
         least = multipliers @ chosen
-        missed = scaled - rows @ least > _ROUNDING * size
-        better = missed.copy()
-        better[tried] = multipliers > 0.0
-        if failed or not np.any(better):
-            break
-        if np.array_equal(better, tried):
-            if np.any(missed):
-                break
+        missed, better = scaled - rows @ least, multipliers > 0.0
+        exact = np.abs(missed[tried]).max() <= _ROUNDING * size
+        others = missed > _ROUNDING * size
+        if not failed and exact and np.all(better) and not np.any(others & ~tried):
             return least, tried
-        tried = better
+        others[tried] = better
+        if failed or not np.any(others):
+            break
+        tried = others
     bounded = np.isfinite(scaled)
     dual = np.vstack([rows[bounded].T, scaled[bounded] / size])
     unit = np.zeros(len(dual))
@@ -432,12 +426,8 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         s = n + self._integrals
         weight, cost, torque_weight, to_integrals = self._arrays.arrays[4:8]
         by, last = np.empty((N, s, s + N * m)), np.eye(s, s + N * m)
-        loops = np.zeros((N, s, s))
-        loops[:, :n, :n], loops[:, n:, :n], loops[:, n:, n:] = (
-            steps.state,
-            to_integrals,
-            np.eye(s - n),
-        )
+        loops = np.tile(np.eye(s), (N, 1, 1))
+        loops[:, :n, :n], loops[:, n:, :n] = steps.state, to_integrals
         for k, (loop, row) in enumerate(zip(loops, by, strict=True)):
             last = np.matmul(loop, last, out=row)
             row[:n, s + k * m : s + (k + 1) * m] = steps.torque[k]

@@ -454,6 +454,7 @@ class SampledSteps:
         nothing = np.zeros(states.shape[1:]), np.zeros(torques.shape[1])
         return Duals.of(nothing[0], states), Duals.of(nothing[1], torques)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def take(self, x: FloatArray, torques: FloatArray) -> Steps:
         """Advance [q, qd] (2 dof,) under torques (N, joints) N m of N sample times."""
         count, view, size = len(torques), self._view, self._size
