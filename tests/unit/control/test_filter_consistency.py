@@ -1,4 +1,4 @@
-"""Errors of the extended Kalman filter against its covariance, over a few random runs."""
+"""Errors of the Kalman filters against their covariance, over a few random runs."""
 
 from __future__ import annotations
 
@@ -31,3 +31,14 @@ def test_errors_have_the_stated_covariance(name, moving):
     low, high = chi2.ppf([0.0005, 0.9995], SEEDS * (2 * arm.dof + 1))
     assert np.all((low < np.sum(squared, axis=0)) & (np.sum(squared, axis=0) < high))
     assert all(consistent)
+
+
+@pytest.mark.thorough
+def test_unscented_filter_has_the_errors_of_the_extended_one_on_the_same_draws():
+    """A large mean over a few draws is therefore no property of the filter; large, small, usual."""
+    kinds = [
+        [STUDY.errors("one link", False, seed, kind)[0] for seed in (3, 4, 5)]
+        for kind in ("extended", "unscented")
+    ]
+    np.testing.assert_allclose(kinds[1], kinds[0], rtol=0.25)
+    assert np.ptp(kinds[0]) > 8.0

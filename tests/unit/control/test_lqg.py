@@ -317,8 +317,9 @@ def test_recovery_multiplies_the_acceptable_torque():
 
 
 @pytest.mark.thorough
-def test_saturated_integral_does_not_wind_up():
-    class Naive(fa.LQG):
+@pytest.mark.parametrize(("law", "options"), [(fa.LQG, SLOW), (fa.Composite, {})])
+def test_saturated_integral_does_not_wind_up(law, options):
+    class Naive(law):
         def step(self, memory, readings, inputs):
             after, torque = super().step(memory, readings, inputs)
             rise = self._rise(readings, inputs)
@@ -327,14 +328,14 @@ def test_saturated_integral_does_not_wind_up():
     arm = arm_with_gauges()
     far = fa.joint_motion(arm, [0.6, 0.9], [0.6, 0.9], 1.0)
     overshoot, limit = [], [3.0, 1.0]
-    for kind in (fa.LQG, Naive):
-        controller = kind(arm, POSTURE, integral=True, torque_limit=limit, **SLOW)
+    for kind in (law, Naive):
+        controller = kind(arm, POSTURE, integral=True, torque_limit=limit, **options)
         run = fa.simulate(
             arm, 6.0, controller=controller, reference=far, initial=arm.rest(POSTURE), rate=100.0
         )
         overshoot.append(float(run.joint_angle.values[:, 0].max() - 0.6))
         assert np.all(np.abs(run.torque.values) <= limit)
-        if kind is fa.LQG:
+        if kind is law:
             np.testing.assert_allclose(run.joint_angle.values[-1], [0.6, 0.9], atol=2e-3)
     assert overshoot[0] < 0.5 * overshoot[1]
 

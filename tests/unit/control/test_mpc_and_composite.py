@@ -143,7 +143,7 @@ def test_without_a_solution_the_previous_plan_continues(arm, monkeypatch):
 
     def sometimes(*arguments):
         calls.append(arguments)
-        return None if len(calls) in (5, 6) else solve(*arguments)
+        return (None, arguments[2]) if len(calls) in (5, 6) else solve(*arguments)
 
     monkeypatch.setattr(mpc_module, "least_distance", sometimes)
     observed = fa.DisturbanceObserver(arm, controller, 2.0)
@@ -170,8 +170,13 @@ def test_plans_beyond_a_limit_are_counted(arm, monkeypatch, factor, count):
     run = import_module("flexarm.simulation.calls.run")
     monkeypatch.setattr(run, "stability", lambda *_: Stability("", np.nan))
     solve = mpc_module.least_distance
+
     # Smaller than the changes that the limits allow: a plan that exceeds them.
-    monkeypatch.setattr(mpc_module, "least_distance", lambda *given: solve(*given) / factor)
+    def short(*arguments):
+        change, active = solve(*arguments)
+        return change / factor, active
+
+    monkeypatch.setattr(mpc_module, "least_distance", short)
     run = fa.simulate(
         arm, 0.1, controller=controller, reference=far, initial=arm.rest(POSTURE), rate=200.0
     )
@@ -184,7 +189,6 @@ def test_least_distance_equals_that_of_a_general_solver():
     for _ in range(5):
         matrix, inside = random.standard_normal((30, 6)), 3.0 * random.standard_normal(6)
         floor = matrix @ inside - random.uniform(0.0, 1.0, 30)
-        found = mpc_module.least_distance(matrix, floor)
         wanted = minimize(
             lambda x: x @ x,
             inside,
@@ -197,7 +201,12 @@ def test_least_distance_equals_that_of_a_general_solver():
             },
             options={"ftol": 1e-14, "maxiter": 500},
         )
-        np.testing.assert_allclose(found, wanted.x, rtol=0, atol=1e-6)
+        # Without a guess, from the active rows, from others, and from more than there are numbers.
+        active = np.abs(matrix @ wanted.x - floor) < 1e-5
+        for guess in (np.zeros(30, dtype=bool), active, np.arange(30) < 3, np.arange(30) < 10):
+            found, rows = mpc_module.least_distance(matrix, floor, guess)
+            np.testing.assert_allclose(found, wanted.x, rtol=0, atol=1e-6)
+            np.testing.assert_array_equal(rows, active)
         assert np.min(matrix @ found - floor) > -1e-10
 
 

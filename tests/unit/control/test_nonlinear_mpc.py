@@ -7,9 +7,10 @@ from linear_arm import POSTURE, arm_with_gauges
 
 import flexarm as fa
 from arms import table_one_arm
+from flexarm.control.design.linear_design import held
 from flexarm.control.laws.mpc import with_modes
 from flexarm.linear.step_derivatives import sampled_step
-from flexarm.linear.step_derivatives.sampled_step import SampledSteps
+from flexarm.linear.step_derivatives.sampled_step import SampledSteps, Steps
 
 
 @pytest.fixture(scope="module")
@@ -23,24 +24,55 @@ def few(arm):
     return with_modes(arm, 1)
 
 
-def test_derivatives_of_the_prediction_are_those_of_single_steps(few):
-    """Ten directions in two blocks; ``step_jacobian`` perturbs by complex numbers."""
-    random = np.random.default_rng(4)
-    torques = random.uniform(-2.0, 2.0, (3, 2))
-    model = SampledSteps(few, 0.03, 5)
-    x = np.concatenate([few.rest(POSTURE), [1.0, -2.0, 0.05, 0.03]])
-    found = model.take(x, torques)
-    assert model.steps > 1
-    for k, torque in enumerate(torques):
-        state, by = np.eye(8), np.zeros((8, 2))
-        for _ in range(model.steps):
-            one = fa.step_jacobian(few, x[:4], x[4:], torque, 0.03 / model.steps)
+def chained(few, x, torques, step, steps):
+    """Return the states after samples of ``steps`` steps of rk4, and their whole derivatives."""
+    found, state, by = [], np.eye(8), np.zeros((8, 2))
+    for torque in torques:
+        for _ in range(steps):
+            one = fa.step_jacobian(few, x[:4], x[4:], torque, step)
             state, by = one.state @ state, one.state @ by + one.torque
             x = np.concatenate([one.q, one.qd])
-        # Rounding of sums in another order.
-        np.testing.assert_allclose(found.after[k], x, rtol=1e-11, atol=1e-12)
-        np.testing.assert_allclose(found.state[k], state, rtol=0, atol=1e-11 * abs(state).max())
-        np.testing.assert_allclose(found.torque[k], by, rtol=0, atol=1e-11 * abs(by).max())
+        found.append(x)
+    return np.array(found), state, by
+
+
+def test_prediction_takes_single_steps(few):
+    torques = np.random.default_rng(4).uniform(-2.0, 2.0, (3, 2))
+    model = SampledSteps(few, 0.03, 5)
+    x = np.concatenate([few.rest(POSTURE), [1.0, -2.0, 0.05, 0.03]])
+    assert model.steps > 1
+    wanted, *_ = chained(few, x, torques, 0.03 / model.steps, model.steps)
+    # Rounding of sums in another order.
+    np.testing.assert_allclose(model.take(x, torques).after, wanted, rtol=1e-11, atol=1e-12)
+
+
+def test_derivatives_of_the_prediction_are_of_second_order(few):
+    """Ten directions in two blocks; ``step_jacobian`` perturbs by complex numbers."""
+    x = np.concatenate([fa.equilibrium(few, POSTURE).q, [2.0, -3.0, 0.0, 0.0]])
+    torque, errors = np.array([9.0, -4.0]), []
+    _, state, by = chained(few, x, [torque], 1e-4, 400)
+    for samples in (8, 16, 32):
+        found = SampledSteps(few, 0.04 / samples, samples).take(x, np.tile(torque, (samples, 1)))
+        whole, pushed = np.eye(8), np.zeros((8, 2))
+        for A, B in zip(found.state, found.torque, strict=True):
+            whole, pushed = A @ whole, A @ pushed + B
+        pairs = (whole, state), (pushed, by)
+        errors.append([abs(one - two).max() / abs(two).max() for one, two in pairs])
+    assert np.all(np.array(errors[0]) < 0.02)
+    ratios = np.array(errors[:-1]) / errors[1:]
+    np.testing.assert_allclose(ratios, 4.0, rtol=0.3)
+
+
+def test_derivatives_at_rest_are_those_of_the_linear_model(arm):
+    """Every matrix of a horizon at rest, of an odd number of samples, by SciPy's exponential."""
+    rest = fa.equilibrium(arm, POSTURE)
+    x, torques = np.append(rest.q, np.zeros(arm.dof)), np.tile(rest.torque, (5, 1))
+    found = SampledSteps(arm, 0.01, 5).take(x, torques)
+    A, B = held(*(getattr(fa.linearize(arm, rest), name) for name in "AB"), 0.01)
+    for k in range(5):
+        # The Taylor polynomial, whose relative error of 1.5e-6 is doubled each time.
+        np.testing.assert_allclose(found.state[k], A, rtol=0, atol=1e-5 * abs(A).max())
+        np.testing.assert_allclose(found.torque[k], B, rtol=0, atol=1e-5 * abs(B).max())
 
 
 def torques_of(few, law, start, motion=None):
@@ -127,6 +159,19 @@ def horizon_by_ipopt(few, law, start, wanted, torques):
     return problem.solve().value(U).T
 
 
+def with_exact_derivatives(few, model):
+    """Return ``take`` of a model with the derivatives of its own steps."""
+
+    def take(x, torques):
+        found = []
+        for torque in torques:
+            (x,), *by = chained(few, x, [torque], model._h, model.steps)
+            found.append((x, *by))
+        return Steps(*map(np.array, zip(*found, strict=True)))
+
+    return take
+
+
 def test_converged_iterations_solve_the_nonlinear_problem(arm, few):
     """From a posture 0.5 rad away, with limits active."""
     limit = np.array([7.0, 2.5])
@@ -135,7 +180,7 @@ def test_converged_iterations_solve_the_nonlinear_problem(arm, few):
         joint_angle=np.add(POSTURE, [0.5, -0.4]), joint_rate=np.zeros(2), strain=np.zeros(2)
     )
     plans = []
-    for iterations in (1, 20):
+    for iterations, exact in ((1, False), (20, False), (20, True)):
         law = fa.NonlinearMPC(
             arm,
             POSTURE,
@@ -148,6 +193,8 @@ def test_converged_iterations_solve_the_nonlinear_problem(arm, few):
             iterations=iterations,
         )
         law.reset()
+        if exact:
+            law._model_steps.take = with_exact_derivatives(few, law._model_steps)
         torque = law.update(0.0, reading, goal)
         plans.append(law.memory["plan"].reshape(12, 2))
         np.testing.assert_allclose(torque, plans[-1][0], rtol=1e-14)  # cut at the limits
@@ -156,8 +203,11 @@ def test_converged_iterations_solve_the_nonlinear_problem(arm, few):
     assert np.any(np.abs(best) > 0.999 * limit)
     assert np.any(np.abs(best) < 0.9 * limit)
     # The tolerance of IPOPT.
-    np.testing.assert_allclose(plans[1], best, rtol=0, atol=1e-5)
-    assert np.abs(plans[0] - best).max() > 0.01
+    np.testing.assert_allclose(plans[2], best, rtol=0, atol=1e-5)
+    # Linear motion within samples of 20 ms, in which the torque changes from limit to limit.
+    errors = [np.abs(plan - best).max(axis=0) / limit for plan in plans]
+    assert np.all(errors[1] < 0.01)
+    assert np.all(errors[1] < 0.5 * errors[0])
 
 
 def settled(arm, law):

@@ -42,9 +42,9 @@ def rest_error(controller: fa.Controller, payload: float) -> np.ndarray:
 
 @pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
-def test_composite_control_rests_beside_its_reference_although_its_margins_are_good() -> None:
-    """It has no integral: the error is proportional to the weight that its model lacks."""
-    controller = fa.Composite(arm_with(0.3), POSTURE)
+def test_composite_control_without_an_integral_rests_beside_its_reference() -> None:
+    """Its margins are good, and the error is proportional to the weight that its model lacks."""
+    controller = fa.Composite(arm_with(0.3), POSTURE, integral=False)
     heavy = fa.loop_margins(controller, arm_with(0.6), POSTURE)
     assert heavy.growth.max() < -3.0
     assert heavy.worst_disk_margin.min() > 0.6
@@ -54,3 +54,26 @@ def test_composite_control_rests_beside_its_reference_although_its_margins_are_g
     assert large == pytest.approx(10.0 * small, rel=0.15)
     regulator = fa.LQG(arm_with(0.3), POSTURE, integral="chord_angle")
     assert np.abs(rest_error(regulator, 0.6)).max() < 0.2 * np.abs(large).max()
+    # The slowest pole of the default, at -2.1 1/s, leaves exp(-8) of the error after 4 s.
+    default = fa.Composite(arm_with(0.3), POSTURE)
+    assert fa.loop_margins(default, arm_with(0.6), POSTURE).worst_disk_margin.min() > 0.6
+    assert np.abs(rest_error(default, 0.6)).max() < 1e-3 * np.abs(large).max()
+
+
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")
+def test_poles_are_those_without_torque_limits() -> None:
+    """Far from its posture, the law requests torques beyond them until the links have sagged."""
+    arm, away = arm_with(0.3), [1.2, 0.2]
+    limit = 1.4 * np.abs(fa.equilibrium(arm, POSTURE).torque)
+    assert np.all(np.abs(fa.equilibrium(arm, away).torque) < limit)
+    laws = fa.Composite(arm, POSTURE), fa.Composite(arm, POSTURE, torque_limit=limit)
+    free, limited = (fa.loop_margins(law, arm, away).growth.item() for law in laws)
+    assert limited == pytest.approx(free, rel=1e-9)
+
+
+def test_composite_control_integrates_joints_only() -> None:
+    assert fa.Composite(arm_with(0.3)).integral is True
+    flat = fa.Arm(arm_with(0.3).spec.replace(gravity=(0.0, 0.0)))
+    assert fa.Composite(flat).integral is False
+    with pytest.raises(fa.InputError, match="integral is not supported for the tip"):
+        fa.Composite(flat, integral="tip")

@@ -454,6 +454,8 @@ def _least(
 #: Default bandwidth, and acceptable rate of a deflection relative to the deflection, relative to
 #: `typical_rate`.
 _BANDWIDTH, _SPEED = 0.64, 1.6
+#: Rate at which the integral of the slow part removes errors, relative to the bandwidth.
+_REMOVED = 0.3
 #: Outputs that the fast part may weight: those that depend on the bending of the links only.
 _TIPS = "link_tip_deflection", "link_tip_slope"
 BENDING = ("strain", *_TIPS, *(f"{name}_rate" for name in _TIPS))
@@ -474,9 +476,10 @@ class FastDesign:
 class Composite(CompositeParameters, LQG):
     """Singular-perturbation control: computed torque for the joints, damping for the links.
 
-    The slow part gives the joint errors of the rigid model a bandwidth and a damping ratio. The
-    fast part returns the links to the slow manifold with the linear-quadratic gain of the boundary
-    layer. Both use the state that the Kalman filter of `LQG` estimates.
+    The slow part gives the joint errors of the rigid model a bandwidth, a damping ratio and, with
+    ``integral``, a third pole that removes the error by an unknown weight. The fast part returns
+    the links to the slow manifold with the linear-quadratic gain of the boundary layer. Both use
+    the state that the Kalman filter of `LQG` estimates.
 
     Attributes:
         fast_designs: the `FastDesign` of each posture of the grid.
@@ -491,7 +494,6 @@ class Composite(CompositeParameters, LQG):
     _unsupported = UNDRIVEN
 
     actuated: ClassVar[None] = None  # type: ignore[misc]
-    integral: ClassVar[None] = None  # type: ignore[misc]
     preview: ClassVar[float] = 0.0  # type: ignore[misc]
     nominal: ClassVar[None] = None  # type: ignore[misc]
 
@@ -499,9 +501,13 @@ class Composite(CompositeParameters, LQG):
         arm = self.arm
         if arm.dof == arm.n_joints:
             raise InputError(Problem("arm", "has no flexible links"))
+        if self.integral == "tip":
+            raise InputError(Problem("integral", "is not supported for the tip", hint="Use LQG."))
         super().__post_init__()
 
     def _scale_defaults(self, rate: float) -> None:
+        if self.integral is None:
+            self.integral = any(self.arm.spec.gravity)
         if self.bandwidth is None:
             self.bandwidth = np.full(self.arm.n_joints, _BANDWIDTH * rate)
         bend = TIP * self.arm.reach
@@ -557,19 +563,25 @@ class Composite(CompositeParameters, LQG):
         # Slow angles as a function of the state, without the bending due to acceleration: (C.35).
         carried = np.linalg.solve(rigid, coupling)
         alone = np.linalg.inv(np.eye(arm.n_joints) + carried @ sag)
-        slow, rate = np.zeros((2, arm.n_joints, 2 * arm.dof))
+        width = 2 * arm.dof + len(item.integrated)
+        slow, rate, summed = np.zeros((3, arm.n_joints, width))
         slow[:, joints], slow[:, elastic] = alone, alone @ carried
         rate[:, arm.dof + joints], rate[:, arm.dof + elastic] = alone, alone @ carried
         # The acceleration that the slow part requests bends the links, and this bending changes the
         # slow angles. Solve for both.
         bandwidth = np.asarray(self.bandwidth)
         stiff, damped = bandwidth**2, 2.0 * self.damping_ratio * bandwidth
+        if len(item.integrated):
+            # Poles of (s + third) (s^2 + damped s + stiff).
+            third = _REMOVED * bandwidth
+            summed[:, 2 * arm.dof :] = np.diag(third * stiff)
+            stiff, damped = stiff + third * damped, damped + third
         bend = -flexibility @ coupling.T
         moves = alone @ carried @ bend
-        request = -stiff[:, None] * slow - damped[:, None] * rate
+        request = -stiff[:, None] * slow - damped[:, None] * rate - summed
         request = np.linalg.solve(np.eye(len(stiff)) - stiff[:, None] * moves, request)
         slow -= moves @ request
-        swing = np.zeros((2 * k, 2 * arm.dof))
+        swing = np.zeros((2 * k, width))
         swing[np.arange(2 * k), moved] = 1.0
         swing[:k] -= bend @ request + sag @ slow
         return fast, replace(item, gain=gain @ swing - rigid @ request - weight @ slow)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
@@ -24,8 +25,13 @@ from flexarm.model.drives.linear import MPCParameters, NonlinearMPCParameters
 #: Largest relative excesses of a plan over a limit. Rounding causes 1e-8 if feedback requests
 #: hundreds of times the limits. Plans above the first are counted, those above the second not used.
 _TOLERANCE, _ACCEPTED = 1e-6, 1e-2
+#: Largest violation of a constraint that is a rounding error, relative to the largest distance.
+_ROUNDING = 1e-9
 #: Largest number of active-set changes at a sample, per number of limits; a quarter is typical.
 _MOST_CHANGES = 10
+#: Largest number of active sets that are tried from that of the last sample; one to four are
+#: typical, and each costs a quarter of the method that needs no guess.
+_MOST_TRIED = 8
 
 
 class MPC(MPCParameters, LQG):
@@ -47,11 +53,12 @@ class MPC(MPCParameters, LQG):
     references = "LawsonHanson1974"
 
     def _prepare(self) -> None:
-        joints = self.arm.n_joints
-        self._most = self.torque_limit
+        N, m = self.horizon, self.arm.n_joints
         self._rate_step = None if self.torque_rate is None else self.sample_time * self.torque_rate
+        self._difference = np.eye(N * m) - np.eye(N * m, k=-m)
+        kinds = [limit for limit in (self.torque_limit, self._rate_step) if limit is not None]
+        self._limits = np.concatenate([np.tile(limit, N) for limit in kinds])
         super()._prepare()
-        self._difference = np.eye(self.horizon * joints) - np.eye(self.horizon * joints, k=-joints)
 
     @property
     def limited(self) -> int:
@@ -92,8 +99,8 @@ class MPC(MPCParameters, LQG):
         Otherwise the small changes of readings between its updates would activate this limit.
         """
         mine = deepcopy(self)
-        mine.nominal = mine._rate_step = None
-        mine._motion = mine._nominal_motion()
+        mine.nominal = mine.torque_rate = None
+        mine._prepare()
         return mine
 
     def report(self) -> dict[str, float]:
@@ -113,7 +120,10 @@ class MPC(MPCParameters, LQG):
         """Return the memory of plans before the first one, which is not a number."""
         m = self.arm.n_joints
         plans = {"applied": np.full(m, np.nan), "plan": np.full(self.horizon * m, np.nan)}
-        return {**plans, "limited": 0, "inaccurate": 0, "fallback": 0}
+        active = np.zeros(
+            (2 * self._limits.size // (self.horizon * m), self.horizon, m), dtype=bool
+        )
+        return {**plans, "active": active, "limited": 0, "inaccurate": 0, "fallback": 0}
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         after, torque = super().step(memory, readings, inputs)
@@ -145,7 +155,7 @@ class MPC(MPCParameters, LQG):
         if np.all(low <= 0.0) and np.all(high >= 0.0):
             return free
         plans["limited"] += 1
-        change, excess = self._change(low, high)
+        change, excess, plans["active"] = self._change(low, high, plans["active"])
         if excess > _TOLERANCE:
             plans["inaccurate"] += int(excess <= _ACCEPTED)
         if excess <= _ACCEPTED:
@@ -162,40 +172,37 @@ class MPC(MPCParameters, LQG):
 
     def _bounds(self, torque: FloatArray, applied: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the distances of torques over the horizon from the limits."""
-        most = np.tile(self._most, self.horizon)
-        low, high = -most - torque, most - torque
+        limits, planned = self._limits, torque
         if self._rate_step is not None:
-            change = self._difference @ torque
-            step = np.tile(self._rate_step, self.horizon)
-            m = self.arm.n_joints
+            planned = np.append(torque, self._difference @ torque)
+            first = slice(torque.size, torque.size + applied.size)
             if np.isnan(applied[0]):
-                step[:m] = np.inf  # the first torque is arbitrary
+                limits = limits.copy()
+                limits[first] = np.inf  # the first torque is arbitrary
             else:
-                change[:m] -= applied
-            low, high = np.append(low, -step - change), np.append(high, step - change)
-        return low, high
+                planned[first] -= applied
+        return -limits - planned, limits - planned
 
-    def _change(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, float]:
+    def _change(
+        self, low: FloatArray, high: FloatArray, active: NDArray[np.bool_]
+    ) -> tuple[FloatArray, float, NDArray[np.bool_]]:
         """Return the optimal change (horizon joints,) of the regulator's torques; (C.31).
 
-        The second result is its relative excess over a limit, infinite if no change was found.
+        ``active`` are the active limits of the last sample. The second result is the relative
+        excess of the change over a limit, infinite if none was found; the third its active limits.
         """
-        N = self.horizon
-        by_unknown = self._torque_by_unknown()
-        rows, limit = by_unknown, np.tile(self._most, N)
+        rows = by_unknown = self._torque_by_unknown()
         if self._rate_step is not None:
             rows = np.vstack([rows, self._difference @ rows])
-            limit = np.append(limit, np.tile(self._rate_step, N))
-        unit = limit[:, None]
-        matrix, floor = np.vstack([rows / unit, -rows / unit]), np.append(low, -high)
-        floor /= np.append(limit, limit)
-        finite = np.isfinite(floor)
-        matrix, floor = matrix[finite], floor[finite]
-        least = least_distance(matrix, floor)
+        rows = rows / self._limits[:, None]
+        matrix = np.concatenate([rows, -rows])
+        floor = np.concatenate([low / self._limits, -high / self._limits])
+        later = np.concatenate([active[:, 1:], active[:, -1:]], axis=1)
+        least, found = least_distance(matrix, floor, later.ravel())
         if least is None:
-            return np.zeros(len(by_unknown)), np.inf
-        excess = float(np.max(floor - matrix @ least))
-        return by_unknown @ least, excess if np.isfinite(excess) else np.inf
+            return np.zeros(len(by_unknown)), np.inf, active
+        excess = np.nan_to_num(float(np.max(floor - matrix @ least)), nan=np.inf, posinf=np.inf)
+        return by_unknown @ least, excess, found.reshape(active.shape)
 
     def _torque_by_unknown(self) -> FloatArray:
         """Return the torques of the horizon by unknowns whose sum of squares is the cost."""
@@ -205,30 +212,51 @@ class MPC(MPCParameters, LQG):
         return np.asarray((by_torque.reshape(-1, N, m) @ root).reshape(-1, N * m))
 
 
-def least_distance(matrix: FloatArray, floor: FloatArray) -> FloatArray | None:
-    """Return the shortest x (n,) with ``matrix @ x >= floor``, or None if it was not found.
+def least_distance(
+    matrix: FloatArray, floor: FloatArray, active: NDArray[np.bool_]
+) -> tuple[FloatArray | None, NDArray[np.bool_]]:
+    """Return the shortest x (n,) with ``matrix @ x >= floor``, or None, and its active rows.
 
-    The dual is a nonnegative least-squares problem, which an active-set method solves in finitely
-    many steps without tuning parameters. Lawson and Hanson, Solving Least Squares Problems (1974),
-    chapter 23, algorithm LDP.
+    The rows that are ``active`` are tried first: those with a negative multiplier are replaced by
+    those that are violated, until neither exist (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13
+    (2002) 865-888). Otherwise the dual, a nonnegative least-squares problem, is solved in finitely
+    many steps (Lawson and Hanson, Solving Least Squares Problems (1974), chapter 23, LDP).
     """
+    from scipy.linalg import lapack
     from scipy.optimize import nnls
 
     # Scale rows to length one and floors to at most one, so that tolerances are relative.
-    length = np.linalg.norm(matrix, axis=1)
-    scaled = floor / length
+    length = np.sqrt(np.einsum("ij,ij->i", matrix, matrix))
+    rows, scaled = matrix / length[:, None], floor / length
     size = max(float(np.max(scaled)), 1e-300)
-    dual = np.vstack([matrix.T / length, scaled / size])
+    tried = active if np.any(active) else scaled > 0.0
+    for _ in range(_MOST_TRIED):
+        chosen = rows[tried]
+        _, multipliers, failed = lapack.dposv(chosen @ chosen.T, scaled[tried])
+        least = multipliers @ chosen
+        missed, better = scaled - rows @ least, multipliers > 0.0
+        exact = np.abs(missed[tried]).max() <= _ROUNDING * size
+        others = missed > _ROUNDING * size
+        if not failed and exact and np.all(better) and not np.any(others & ~tried):
+            return least, tried
+        others[tried] = better
+        if failed or not np.any(others):
+            break
+        tried = others
+    bounded = np.isfinite(scaled)
+    dual = np.vstack([rows[bounded].T, scaled[bounded] / size])
     unit = np.zeros(len(dual))
     unit[-1] = 1.0
     try:
         weights, _ = nnls(dual, unit, maxiter=_MOST_CHANGES * dual.shape[1])
     except RuntimeError:
-        return None
+        return None, active
     residual = dual @ weights - unit
     if residual[-1] == 0.0:
-        return None
-    return np.asarray(-size * residual[:-1] / residual[-1])
+        return None, active
+    active = np.zeros(len(floor), dtype=bool)
+    active[bounded] = weights > 0.0
+    return -size * residual[:-1] / residual[-1], active
 
 
 def _lower(blocks: list[FloatArray]) -> FloatArray:
@@ -392,20 +420,17 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         """Return the programme about the motion from x (2 dof,) under torques (N, joints)."""
         from scipy.linalg import lapack
 
-        if not all(np.all(np.isfinite(array)) for array in steps):
+        if not np.isfinite(sum(np.sum(array) for array in steps)):
             return None
         N, n, m = self.horizon, self._states, self._joints
         s = n + self._integrals
         weight, cost, torque_weight, to_integrals = self._arrays.arrays[4:8]
-        by = np.zeros((N, s, s + N * m))
-        last = np.eye(s, s + N * m)
-        for k in range(N):
-            end = s + k * m
-            by[k, :n, :end] = steps.state[k] @ last[:n, :end]
-            by[k, :n, end : end + m] = steps.torque[k]
-            if s > n:
-                by[k, n:, :end] = last[n:, :end] + to_integrals @ last[:n, :end]
-            last = by[k]
+        by, last = np.empty((N, s, s + N * m)), np.eye(s, s + N * m)
+        loops = np.tile(np.eye(s), (N, 1, 1))
+        loops[:, :n, :n], loops[:, n:, :n] = steps.state, to_integrals
+        for k, (loop, row) in enumerate(zip(loops, by, strict=True)):
+            last = np.matmul(loop, last, out=row)
+            row[:n, s + k * m : s + (k + 1) * m] = steps.torque[k]
         weighted = np.empty_like(by)
         np.matmul(weight, by[:-1], out=weighted[:-1])
         np.matmul(cost, by[-1], out=weighted[-1])

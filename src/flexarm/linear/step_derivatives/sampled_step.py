@@ -398,6 +398,9 @@ def _check(arm: Arm, path: str, name: str) -> None:
 #: of the fastest mode by 0.8 % and its amplitude by 0.7 % in a step. With 2.0, 25 % of its
 #: amplitude in a step, control of an arm without damping was unstable.
 _REACH = 1.0
+#: Largest product of time and fastest rate of a Taylor polynomial of degree 6: a relative error of
+#: 1.5e-6, and of 2e-4 for rates twice as large as at rest.
+_TURNED = 0.5
 
 
 class Steps(NamedTuple):
@@ -412,25 +415,36 @@ class SampledSteps:
     """Steps of an arm over up to ``most`` sample times (s) under zero-order-hold torques.
 
     The steps are those of the method "rk4" and their number follows from the fastest mode of the
-    arm, as in `SampledStep`, but they are coarser, for controllers. The derivatives are computed in
-    dual numbers.
+    arm, as in `SampledStep`, but they are coarser, for controllers. The derivatives are those of
+    linear motion about every second sample, sampled exactly, and interpolated between these: their
+    error is of second order in the sample time.
     """
 
     def __init__(self, arm: Arm, sample_time: float, most: int) -> None:
-        self.steps = max(1, math.ceil(sample_time * fastest_rate(arm) / _REACH))
+        turned = sample_time * fastest_rate(arm)
+        self.steps = max(1, math.ceil(turned / _REACH))
         self._h, self._A = sample_time / self.steps, classical()
+        self._doublings = max(0, math.frexp(turned / _TURNED)[1])
         self._size, self._joints = 2 * arm.dof, arm.n_joints
         self._view = view = KernelView(arm.assembly.constants)
         self._places, self._bodies = arm.assembly.coordinates, arm.assembly.joint_body
-        self._torques = np.zeros((most, view.shape[0]))
-        shape = (2, *view.shape)
-        self._state, self._torque = Duals.zeros(*shape), Duals.zeros(view.shape[0])
-        self._new, self._stages = Duals.zeros(*shape), Duals.zeros(len(self._A) - 1, *shape)
-        self._transfers = Duals.zeros(most, *shape)
-        arrays = {name: Duals.zeros(*array.shape) for name, array in view.work._asdict().items()}
-        self._work = Workspace(**arrays)  # type: ignore[arg-type]
-        self._seeds = [self._block(arm, k) for k in range(0, self._size + arm.n_joints, DIRECTIONS)]
+        n, shape = view.shape[0], (2, *view.shape)
+        self._torques, self._motion = np.zeros((most, n)), view.zeros(most + 1, 2)
+        self._plain = [view.zeros(2), np.zeros(n), view.zeros(2), np.zeros(n)]
+        self._buffers = view.zeros(len(self._A) - 1, 2), view.zeros(2)
         self._entry = Entry(held_torque_transfers)
+        # A step of Euler's method over a sample time changes by the Jacobian times this time.
+        euler = view.sizes, view.constants, np.array([[0.0, 0.0], [1.0, 0.0]]), sample_time, 1
+        self._state, self._torque = Duals.zeros(*shape), np.zeros((1, n))
+        arrays = {name: Duals.zeros(*array.shape) for name, array in view.work._asdict().items()}
+        work = Workspace(**arrays)  # type: ignore[arg-type]
+        self._moved = Duals.zeros(1, *shape)
+        buffers = work, Duals.zeros(1, *shape), Duals.zeros(*shape), self._moved
+        scratch = self._state, Duals.zeros(n), view.loads, *buffers
+        seeds = [self._block(arm, k) for k in range(0, self._size + arm.n_joints, DIRECTIONS)]
+        self._blocks = [(*euler, self._torque, *block, *scratch) for block in seeds]
+        self._entries = [Entry(held_torque_transfers) for _ in seeds]
+        self._changes = np.zeros((most // 2 + 2, len(seeds), *self._moved.array.shape[1:]))
 
     def _block(self, arm: Arm, first: int) -> tuple[Duals, Duals]:
         """Return unit changes of states and torques in eight directions from ``first`` on."""
@@ -440,23 +454,50 @@ class SampledSteps:
         nothing = np.zeros(states.shape[1:]), np.zeros(torques.shape[1])
         return Duals.of(nothing[0], states), Duals.of(nothing[1], torques)
 
+    @np.errstate(over="ignore", invalid="ignore")
     def take(self, x: FloatArray, torques: FloatArray) -> Steps:
         """Advance [q, qd] (2 dof,) under torques (N, joints) N m of N sample times."""
-        count, view = len(torques), self._view
+        count, view, size = len(torques), self._view, self._size
+        motion = self._motion[: count + 1]
         self._torques[:count, self._bodies] = torques
-        start = self._state.array.reshape(2, -1, 1 + DIRECTIONS)
-        transfers = Duals(self._transfers.array[:count])
-        found = []
-        for seeds, torque_seeds in self._seeds:
-            start[:] = 0.0
-            start[:, self._places, 0] = x.reshape(2, -1)
-            self._entry(
-                view.sizes, view.constants, self._A, self._h, self.steps, self._torques,
-                seeds, torque_seeds, self._state, self._torque, view.loads, self._work,
-                self._stages, self._new, transfers,
-            )  # fmt: skip
-            whole = transfers.array.reshape(count, 2, -1, 1 + DIRECTIONS)[:, :, self._places]
-            found.append(whole.reshape(count, self._size, 1 + DIRECTIONS))
-        slopes = np.concatenate([block[..., 1:] for block in found], axis=2)
-        end = self._size + self._joints
-        return Steps(found[0][..., 0], slopes[..., : self._size], slopes[..., self._size : end])
+        motion[0].reshape(2, -1)[:, self._places] = x.reshape(2, -1)
+        self._plain[2][:] = motion[0]
+        self._entry(
+            view.sizes, view.constants, self._A, self._h, self.steps, self._torques, *self._plain,
+            view.loads, view.work, *self._buffers, motion[1:],
+        )  # fmt: skip
+        # From the samples 0, 2, 4, ... and the last to the middle of each sample time.
+        at, pair = np.append(np.arange(0, count, 2), count), np.arange(count) // 2
+        held = np.vstack([torques[:1], torques, torques[-1:]])
+        nodes = self._sampled(motion[at], 0.5 * (held[at] + held[at + 1]))
+        share = ((np.arange(count) + 0.5 - at[pair]) / np.diff(at)[pair])[:, None, None]
+        slopes = (1.0 - share) * nodes[pair] + share * nodes[pair + 1]
+        after = motion[1:].reshape(count, 2, -1)[:, :, self._places].reshape(count, size)
+        return Steps(after, slopes[..., :size], slopes[..., size:])
+
+    def _sampled(self, nodes: FloatArray, torques: FloatArray) -> FloatArray:
+        """Return derivatives (k, 2 dof, 2 dof + joints) over a sample of motion about k states."""
+        k, size, start, moved = len(nodes), self._size, self._state.array, self._moved.array
+        for node, torque, changes in zip(nodes, torques, self._changes, strict=False):
+            self._torque[0, self._bodies] = torque
+            for entry, arguments, change in zip(self._entries, self._blocks, changes, strict=True):
+                start[..., 0] = node
+                entry(*arguments)
+                change[:] = moved[0]
+        by = self._changes[:k].reshape(k, len(self._blocks), 2, -1, 1 + DIRECTIONS)
+        by = np.moveaxis(by[:, :, :, self._places, 1:], 1, 3).reshape(k, size, -1)
+        whole = np.zeros((k, size + self._joints, size + self._joints))
+        whole[:, :size] = by[..., : whole.shape[2]]
+        whole[:, :size, :size] -= np.eye(size)
+        return _exponentials(whole, self._doublings)[:, :size]
+
+
+def _exponentials(matrices: FloatArray, doublings: int) -> FloatArray:
+    """Return the exponentials of matrices (k, n, n): Taylor's polynomial of degree 6, doubled."""
+    Z, unit = matrices / 2.0**doublings, np.eye(matrices.shape[1])
+    square = Z @ Z
+    cube = square @ Z
+    moved = unit + Z + square / 2.0 + cube @ (unit / 6.0 + Z / 24.0 + square / 120.0 + cube / 720.0)
+    for _ in range(doublings):
+        moved = moved @ moved
+    return moved

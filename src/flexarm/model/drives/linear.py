@@ -41,8 +41,10 @@ _Integral = Annotated[
     | Annotated[Named[_PositiveNumbers], Tag("<names>")],
     Discriminator(_flag_word_or_names),
 ]
-
-
+_NamedIntegral = Annotated[
+    Annotated[Flag, Tag("<flag>")] | Annotated[Word, Tag("<word>")],
+    Discriminator(_flag_word_or_names),
+]
 # Beyond the upper bound rounding errors dominate a design.
 _Robustness = Annotated[Finite, Field(ge=0, le=1e6), BeforeValidator(plain)]
 # At 1 the matrix L of (C.144) is singular.
@@ -160,6 +162,10 @@ class CompositeParameters(LinearParameters):
     """Relative error of the stiffness of the links for which the design is robust, at most 1:
     elastic forces of this relative size are noise of the filter, and the regulator damps vibrations
     more. The slow part cancels inertial coupling, which changes with the posture."""
+    integral: Annotated[Any, Typed(_NamedIntegral | None)] = None
+    """Integral feedback: true for the joint angles, or the name joint_angle or chord_angle as for
+    `lqg`; it removes constant errors, such as those by an unknown payload, at 0.3 times the
+    bandwidth. By default true under gravity."""
     acceptable: Named[_PositiveNumbers] | None = None
     """Acceptable deviations of outputs that depend on bending only, by name; by default 0.4 % of
     the length of the arm of link_tip_deflection, and of link_tip_deflection_rate 1.6 times this
