@@ -1,4 +1,4 @@
-"""Table "requested" of accuracy.md: cost and error of runs with a requested accuracy, or none.
+"""Tables "requested" and "quantities" of accuracy.md: runs with a requested accuracy, or none.
 
 The arms are those of ``tests/accuracy_runs.py``, of one to three links, and the smooth ones of
 ``measure_default_step``, many of which turn and whirl fast. The cost is the number of
@@ -16,6 +16,7 @@ from pathlib import Path
 from unittest import mock
 
 import numpy as np
+import xarray as xr
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -31,6 +32,8 @@ ARMS, WHIRLING = 30, 60
 PARTS = (1e-3, 1e-4, 1e-5, 1e-6, None)
 #: Duration (s) of the runs of each kind of arm.
 KINDS = {"damping ratio 2 %": 1.0, "no damping": 1.0, "whirling": 0.5}
+#: Channels beside the tip, of the second table.
+QUANTITIES = "tip_velocity", "link_tip_deflection", "kinetic_energy", "joint_force"
 Drawn = tuple[fa.Arm, dict[str, object]]
 
 
@@ -86,5 +89,32 @@ def table(count: int) -> str:
     return "\n".join(lines)
 
 
+def quantity_errors(result: xr.Dataset, exact: xr.Dataset) -> list[float]:
+    """Return largest errors of the `QUANTITIES` of a run, over their largest values."""
+    return [
+        float(np.abs(result[name] - exact[name]).max() / np.abs(exact[name]).max())
+        for name in QUANTITIES
+    ]
+
+
+def quantity_table(count: int) -> str:
+    """Return the table of quantities that no accuracy is promised for."""
+    heads = [name.replace("_", " ") for name in QUANTITIES]
+    lines = [f"| arms | call | {' | '.join(heads)} |", "| --- " * (2 + len(heads)) + "|"]
+    for kind in list(KINDS)[:2]:
+        rows: dict[str, list[list[float]]] = {"default": [], "`rtol=1e-7`": []}
+        for arm, arguments in arms(kind, count):
+            exact = fa.simulate(arm, rtol=1e-11, **arguments, **QUIET)
+            for name, how in zip(rows, ({}, {"rtol": 1e-7}), strict=True):
+                result = fa.simulate(arm, **how, **arguments, **QUIET)
+                rows[name].append(quantity_errors(result, exact))
+        for name, errors in rows.items():
+            middle, most = np.median(errors, axis=0), np.max(errors, axis=0)
+            cells = [f"{a:.0e}, {b:.0e}" for a, b in zip(middle, most, strict=True)]
+            lines.append(f"| {kind} ({count}) | {name} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 if __name__ == "__main__":
-    print(table(int(sys.argv[1]) if len(sys.argv) > 1 else ARMS))
+    arms_of_a_kind = int(sys.argv[1]) if len(sys.argv) > 1 else ARMS
+    print(table(arms_of_a_kind), quantity_table(arms_of_a_kind), sep="\n\n")

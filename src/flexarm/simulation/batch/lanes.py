@@ -484,10 +484,8 @@ class OpenLanes(Lanes):
     def _inaccurate(self, group: Group, others: Group, places: list[int]) -> Iterator[int]:
         """Yield the places of runs of large tolerances that ``others`` do not verify."""
         for first in range(0, len(places), self._together):
-            judged, rows = (
-                places[first : first + self._together],
-                slice(first, first + self._together),
-            )
+            rows = slice(first, first + self._together)
+            judged = places[rows]
             count, arm = int(group.runs.counts[judged[0], SAMPLES]), group.ready[judged[0]].arm
             pair = group.runs.samples[judged, :count], others.runs.samples[rows, :count]
             steps = np.array([group.runs.counts[judged, STEPS], others.runs.counts[rows, STEPS]])
