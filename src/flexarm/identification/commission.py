@@ -58,6 +58,7 @@ from flexarm.identification.space import (
     in_words,
     of_records,
     start_angles,
+    with_joint,
     without_error,
 )
 from flexarm.identification.statistics import fit_percent
@@ -395,12 +396,14 @@ class _Commissioning:
                 errors[effect.path] = without_error(effect.path) + effect.size
                 if effect.path.startswith("delays."):
                     errors[effect.path] = max(errors[effect.path], 0.0)
+            elif match is None:
+                spec = with_number(spec, effect.path, effect.size)
             else:
-                assert match is not None
                 index = int(match[1])
                 rate = self._smoothing(case)[driven_joints(spec).index(index)]
                 old = spec.joints[index].friction or Friction(coulomb=0.0, smoothing_rate=rate)
-                spec = _with_joint(spec, index, friction=old.replace(coulomb=effect.size))
+                joint = spec.joints[index].replace(friction=old.replace(coulomb=effect.size))
+                spec = with_joint(spec, index, joint)
         parameters = {effect.path: FreeParameter(effect.path) for effect in effects}
         return case._replace(spec=spec, errors=errors), parameters
 
@@ -424,7 +427,9 @@ class _Commissioning:
             assert friction is not None
             rate = self._smoothing(self.case)[driven_joints(spec).index(k)]
             if rate > 0.0:  # a joint that does not move has no friction in motion
-                spec = _with_joint(spec, k, friction=friction.replace(smoothing_rate=rate))
+                spec = with_joint(
+                    spec, k, spec.joints[k].replace(friction=friction.replace(smoothing_rate=rate))
+                )
         self.case = self.case._replace(spec=spec)
 
     def _use_modes(self, rigidities: Sequence[str]) -> None:
@@ -456,19 +461,16 @@ _FACTORS, _UNITS = (1.0 / 3.0, 3.0), ": check the units of the record, such as d
 _CUT = "Cut the record where its sensors work."
 _RIVAL = ", or masses that differ from the data sheet by more than 10 %"
 _FRICTION = re.compile(r"joints\[(\d+)\]\.friction\.coulomb$")
+_BACKLASH = re.compile(r"joints\[(\d+)\]\.backlash$")
 
 
 def _can_join(spec: ArmSpec, path: str) -> bool:
-    """Return whether an effect is friction that a joint lacks."""
+    """Return whether an effect is friction that a joint lacks, or backlash of an elastic joint."""
+    if gap := _BACKLASH.match(path):
+        return spec.joints[int(gap[1])].elastic
     match = _FRICTION.match(path)
     friction = spec.joints[int(match[1])].friction if match else None
     return match is not None and (friction is None or friction.coulomb == 0.0)
-
-
-def _with_joint(spec: ArmSpec, index: int, **changes: Any) -> ArmSpec:
-    joints = list(spec.joints)
-    joints[index] = joints[index].replace(**changes)
-    return spec.replace(joints=joints)
 
 
 def _length(record: MeasuredRecord) -> int:
@@ -546,6 +548,8 @@ def _named(table: xr.Dataset) -> list[str]:
                 sentence += f"; without the offset of torque_{joint}, {value + offset:.2g} N m at "
                 sentence += f"positive and {value - offset:.2g} N m at negative rates"
             sentences.append(f"{sentence}.")
+        elif (gap := _BACKLASH.match(path)) and start == 0.0:
+            sentences.append(f"Joint {int(gap[1]) + 1} has backlash of about {value:.2g} rad.")
         elif kind == "offsets":
             size = f"{value:+.2g} {unit}".strip()
             sentences.append(f"{text} reads {size} at zero: an offset.")

@@ -1,9 +1,10 @@
-"""Effects that residuals show and the model lacks: friction, offsets, delays, gains.
+"""Effects that residuals show and the model lacks: friction, backlash, offsets, delays, gains.
 
-Each effect is a signal that is added to an input or to an output, so that its change of the outputs
-is computed without a new arm. The test is the score test with the correlation of residuals over
-time (Breusch and Pagan, Review of Economic Studies 47 (1980) 239; Newey and West, Econometrica 55
-(1987) 703): the part of the change that no estimate can reproduce is compared with the residuals.
+Each effect but backlash is a signal that is added to an input or to an output, so that its change
+of the outputs is computed without a new arm. The test is the score test with the correlation of
+residuals over time (Breusch and Pagan, Review of Economic Studies 47 (1980) 239; Newey and West,
+Econometrica 55 (1987) 703): the part of the change that no estimate can reproduce is compared with
+the residuals.
 """
 
 from __future__ import annotations
@@ -13,13 +14,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexarm.arm.arm import Arm
+from flexarm.base.errors import FlexarmError, without_warnings
 from flexarm.identification.fitting import Fit, FitProblem
 from flexarm.identification.prediction import PredictedRun
 from flexarm.identification.record import MEASURED, check_label
 from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Case, in_words
+from flexarm.identification.space import Case, in_words, with_joint
 from flexarm.identification.statistics import Column, coloured_information
 from flexarm.integrate.base import FloatArray
+from flexarm.model import Friction, Joint
+from flexarm.simulation.calls.run import simulate
 
 #: Size of added inputs, as a fraction of the largest input.
 _SIZE = 0.01
@@ -30,6 +35,9 @@ _DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-4
 _BLOCKS, _CONSISTENT = 8, 2.36
 #: Most effects that are named.
 _MOST = 3
+#: For a rigid joint with backlash: vibration of its gear relative to the rate of the record, part
+#: of the critical damping, and part of the hub's inertia that is the motor's if none is given.
+_GEAR, _DAMPED, _MOTOR = 0.25, 0.5, 0.4
 
 
 class Effect(NamedTuple):
@@ -156,6 +164,7 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
         effects = _of_outputs(run, case, outputs)
         if run.record.driven and run.record.input != "none":
             effects |= _of_inputs(run, case, outputs)
+            effects |= _of_gears(run, case, outputs)
         # A channel without residuals, such as one that is always zero, has no noise to compare.
         tested = run.valid & np.any((run.measured != outputs) & run.valid, axis=0)
         for path, (change, unit) in effects.items():
@@ -194,6 +203,67 @@ def _of_inputs(
             own = {"delays": "s", "gains": ""}.get(path.split(".")[0], unit)
             effects[path] = (values - outputs) / factor, own
     return effects
+
+
+def _of_gears(run: RecordRun, case: Case, outputs: FloatArray) -> dict[str, tuple[FloatArray, str]]:
+    """Return changes of the outputs by backlash of joints that have none.
+
+    Its effect is not proportional to it: the motor needs time to cross the gap. The backlash that
+    is simulated is the part of the angle's range that the worst residuals are of theirs.
+    """
+    left = [
+        np.std((run.measured - outputs)[good, k]) / (np.ptp(outputs[good, k]) or np.inf)
+        for k, good in enumerate(run.valid.T)
+    ]
+    try:
+        with without_warnings():
+            angles = simulate(Arm(case.spec), progress=False, **run.arguments(case))["joint_angle"]
+    except FlexarmError:
+        return {}
+    effects = {}
+    for k, (number, index) in enumerate(zip(run.joint_numbers, run.joint_places, strict=True)):
+        joint = case.spec.joints[index]
+        geared = joint if joint.elastic else _with_gear(joint, run.record.rate)
+        size = max(left, default=0.0) * float(np.ptp(angles.values[:, k]))
+        if geared is None or joint.backlash or number in run.record.settings.prescribed or not size:
+            continue
+        start = case
+        if not joint.elastic:  # the twist is a further coordinate
+            place = Arm(case.spec).joint_index[k] + 1
+            start = case._replace(
+                q=np.insert(case.q, place, 0.0), qd=np.insert(case.qd, place, 0.0)
+            )
+        specs = [with_joint(case.spec, index, geared.replace(backlash=gap)) for gap in (0.0, size)]
+        before, after = run.simulate([start._replace(spec=spec) for spec in specs])
+        if not (isinstance(before, str) or isinstance(after, str)):
+            effects[f"joints[{index}].backlash"] = (after - before) / size, "rad"
+    return effects
+
+
+def _with_gear(joint: Joint, rate: float) -> Joint | None:
+    """Return a rigid joint with a gear as stiff as a record of a rate (Hz) shows; or None."""
+    motor = joint.rotor_inertia * joint.gear_ratio**2
+    hub = joint.hub_inertia * (1.0 if motor else 1.0 - _MOTOR)
+    motor = motor or _MOTOR * joint.hub_inertia
+    if not motor or joint.stiffness:
+        return None
+    moved = motor * hub / (motor + hub) if hub else motor
+    rapid = 2.0 * np.pi * _GEAR * rate
+    friction = joint.friction
+    if joint.damping:
+        friction = friction or Friction(coulomb=0.0)
+        viscous = [
+            joint.damping + (one or 0.0)
+            for one in (friction.viscous, friction.viscous_negative or friction.viscous)
+        ]
+        friction = friction.replace(viscous=viscous[0], viscous_negative=viscous[1])
+    return joint.replace(
+        hub_inertia=hub,
+        rotor_inertia=motor / joint.gear_ratio**2,
+        stiffness=moved * rapid**2,
+        damping=2.0 * _DAMPED * moved * rapid,
+        friction=friction,
+    )
 
 
 def _of_outputs(

@@ -17,7 +17,7 @@ from flexarm.base.errors import InputError, Problem, nearest, problems_of, raise
 from flexarm.control.design.arm_scales import size_of_zero, typical_rate
 from flexarm.identification.record import Label, MeasuredRecord, columns_of, place_of
 from flexarm.integrate.base import FloatArray
-from flexarm.model import ArmSpec, Motors
+from flexarm.model import ArmSpec, Joint, Motors
 from flexarm.model.identification import FreeParameter
 from flexarm.model.paths import number_at, parts_of, with_number
 
@@ -190,6 +190,13 @@ class Space:
             else:
                 spec = with_number(spec, slot.path, value)
         return Case(spec, motors, state["q"], state["qd"], errors)
+
+
+def with_joint(spec: ArmSpec, index: int, joint: Joint) -> ArmSpec:
+    """Return an arm with another joint at an index."""
+    joints = list(spec.joints)
+    joints[index] = joint
+    return spec.replace(joints=joints)
 
 
 def of_records(path: str) -> bool:
