@@ -22,7 +22,7 @@ from flexarm.base.errors import (
     without_warnings,
 )
 from flexarm.identification import fitting
-from flexarm.identification.assessment import fits_by_channel, information_of
+from flexarm.identification.assessment import fits_by_channel
 from flexarm.identification.data_sheet import (
     Parameters,
     driven_joints,
@@ -37,7 +37,12 @@ from flexarm.identification.identify import (
     prepared_fit,
 )
 from flexarm.identification.inspection import inspected
-from flexarm.identification.missing import Effect, effect_name, missing_effects
+from flexarm.identification.missing import (
+    Effect,
+    effect_name,
+    information_of,
+    missing_effects,
+)
 from flexarm.identification.record import (
     FEWEST,
     MEASURED,

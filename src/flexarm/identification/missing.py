@@ -13,10 +13,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError, without_warnings
-from flexarm.identification.fitting import Fit, FitProblem
+from flexarm.identification.fitting import Fit, FitFailure, FitProblem
 from flexarm.identification.prediction import PredictedRun
 from flexarm.identification.record import MEASURED, check_label
 from flexarm.identification.runs import RecordRun
@@ -33,8 +34,8 @@ _SIZE = 0.01
 _DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-4
 #: Blocks of the records, and least deviations by their scatter (95 % of t for eight of them).
 _BLOCKS, _CONSISTENT = 8, 2.36
-#: Most effects that are named.
-_MOST = 3
+#: Most effects that are named, and steps to the estimates of a model that has them.
+_MOST, _STEPS = 3, 2
 #: For a rigid joint with backlash: vibration of its gear relative to the rate of the record, part
 #: of the critical damping, and part of the hub's inertia that is the motor's if none is given.
 _GEAR, _DAMPED, _MOTOR = 0.25, 0.5, 0.4
@@ -152,6 +153,58 @@ def _test(
     if explained**2 < _DEVIATIONS**2 * coloured_information(noise)[0, 0]:
         return 0.0, direction
     return explained**2 / total, direction
+
+
+def information_of(
+    problem: FitProblem, fit: Fit
+) -> tuple[list[Column], FloatArray, NDArray[np.bool_]]:
+    """Return weighted residuals with derivatives, inverse variances of priors, physical slots."""
+    # The columns are those of all channels of all records; slots of initial states are not
+    # physical.
+    columns = []
+    derivatives = problem.derivatives(fit.vector)
+    for k, (run, outputs, slope) in enumerate(
+        zip(problem.runs, fit.outputs, derivatives, strict=True)
+    ):
+        places = problem.space.acting_on(k)
+        whitened = problem.whitened(k, run.measured - outputs)
+        slopes = problem.whitened(k, -slope)
+        for c in range(len(run.labels)):
+            good = run.valid[:, c]
+            own = np.zeros((run.times.size, fit.vector.size))
+            own[:, places] = slopes[:, c]
+            residuals = whitened[:, c]
+            columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None], good, k))
+    slots = problem.space.slots
+    priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
+    return columns, priors, np.array([not slot.initial for slot in slots], dtype=bool)
+
+
+def with_effects(problem: FitProblem, start: FloatArray, paths: Sequence[str]) -> FloatArray:
+    """Return the estimates (parameters,) of a model with effects, a few steps from a start.
+
+    The start, if it cannot be simulated.
+    """
+    vector, scale = start, problem.space.scale
+    try:
+        for _ in range(_STEPS):
+            outputs = problem.outputs(vector)
+            if outputs is None:
+                break
+            trial = problem.fit(vector, outputs, False)
+            columns, priors, _ = information_of(problem, trial)
+            every = {each.path: each.columns for each in _candidates(problem, trial)}
+            effects = np.stack([np.concatenate(every[path]) for path in paths], axis=1)
+            slopes = np.concatenate([column.derivatives for column in columns])
+            rows = np.hstack([slopes * scale, effects / np.linalg.norm(effects, axis=0)])
+            held = np.pad(-np.diag(np.sqrt(priors) * scale), ((0, 0), (0, len(paths))))
+            expected = np.array([slot.prior for slot in problem.space.slots])
+            residuals = [*(c.residuals for c in columns), np.sqrt(priors) * (expected - vector)]
+            step = np.linalg.lstsq(np.vstack([rows, held]), -np.concatenate(residuals))[0]
+            vector = np.clip(vector + scale * step[: scale.size], *problem.space.bounds)
+    except (FitFailure, KeyError):  # KeyError: an effect cannot be simulated there
+        pass
+    return vector
 
 
 def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
