@@ -17,7 +17,6 @@ from flexarm.identification.fitting import (
     Fit,
     FitFailure,
     FitProblem,
-    output_derivatives,
     profile_end,
 )
 from flexarm.identification.missing import information_of, missing_effects, with_effects
@@ -29,7 +28,7 @@ from flexarm.identification.record import (
     check_some_records,
 )
 from flexarm.identification.result import aligned, number_of
-from flexarm.identification.runs import RecordRun
+from flexarm.identification.runs import RecordRun, output_derivatives
 from flexarm.identification.space import Case, Slot, Space, check_free, in_words
 from flexarm.identification.statistics import (
     covariance_of,

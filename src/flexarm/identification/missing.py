@@ -16,22 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmError, without_warnings
 from flexarm.identification.fitting import Fit, FitFailure, FitProblem
 from flexarm.identification.prediction import PredictedRun
 from flexarm.identification.record import MEASURED, check_label
+from flexarm.identification.result import SIGNIFICANT
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import Case, in_words, with_joint
-from flexarm.identification.statistics import Column, coloured_information
+from flexarm.identification.statistics import Column, coloured_information, whiteness
 from flexarm.integrate.base import FloatArray
 from flexarm.model import Friction, Joint
-from flexarm.simulation.calls.run import simulate
 
 #: Size of added inputs, as a fraction of the largest input.
 _SIZE = 0.01
 #: Least deviations by which an effect differs from zero, least share of the squared residuals that
 #: it explains, and least part of its change that no estimate reproduces.
-_DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-4
+_DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-6
 #: Blocks of the records, and least deviations by their scatter (95 % of t for eight of them).
 _BLOCKS, _CONSISTENT = 8, 2.36
 #: Most effects that are named, and steps to the estimates of a model that has them.
@@ -216,14 +215,16 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
         case = problem.space.case(k, fit.vector)
         effects = _of_outputs(run, case, outputs)
         if run.record.driven and run.record.input != "none":
-            effects |= _of_inputs(run, case, outputs)
-            effects |= _of_gears(run, case, outputs)
+            coarse, rates = run.coarse(), run.coarse().rates(case)
+            if not isinstance(rates, str):
+                effects |= _of_inputs(coarse, case, rates)
+                effects |= _of_gears(coarse, case, rates, outputs)
         # A channel without residuals, such as one that is always zero, has no noise to compare.
         tested = run.valid & np.any((run.measured != outputs) & run.valid, axis=0)
-        for path, (change, unit) in effects.items():
+        for path, change in effects.items():
             columns_of_effect = changes.setdefault(path, list(zeros))
             columns_of_effect[k] = problem.whitened(k, np.where(tested, change, 0.0))
-            units[path] = unit
+            units[path] = _unit(path, MEASURED[run.record.input].unit if run.record.driven else "")
     return [
         _Candidate(path, units[path], [column for columns in every for column in columns.T])
         for path, every in changes.items()
@@ -231,17 +232,22 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
     ]
 
 
-def _of_inputs(
-    run: RecordRun, case: Case, outputs: FloatArray
-) -> dict[str, tuple[FloatArray, str]]:
+def _unit(path: str, of_input: str) -> str:
+    """Return the unit of the size of an effect, with the unit of the input; empty without one."""
+    kind, _, text = path.partition(".")
+    if path.startswith("joints["):
+        return "rad" if path.endswith("backlash") else of_input
+    if kind in ("delays", "gains"):
+        return "s" if kind == "delays" else ""
+    unit = MEASURED[check_label("path", text).channel].unit.replace("1", "")
+    return f"{unit}/s" if kind == "drifts" else unit
+
+
+def _of_inputs(run: RecordRun, case: Case, rates: FloatArray) -> dict[str, FloatArray]:
     """Return changes of the outputs by friction and errors of the input."""
-    joints, unit = run.samples.shape[1], MEASURED[run.record.input].unit
-    rates = run.rates(case)
-    if isinstance(rates, str):
-        return {}
+    joints = run.samples.shape[1]
     middle = 0.5 * (rates + np.vstack([rates[1:], rates[-1:]]))  # of each sample of the input
     signals: dict[str, FloatArray] = {}
-    effects: dict[str, tuple[FloatArray, str]] = {}
     for k, (number, index) in enumerate(zip(run.joint_numbers, run.joint_places, strict=True)):
         axis = np.eye(joints)[k]
         signals[f"joints[{index}].friction.coulomb"] = -np.sign(middle) * axis
@@ -250,35 +256,36 @@ def _of_inputs(
     signals[f"delays.{run.record.input}"] = -np.gradient(run.samples, axis=0) * run.record.rate
     size = _SIZE * np.abs(run.samples).max()
     sizes = [size / (np.abs(signal).max() or 1.0) for signal in signals.values()]
-    changed = run.disturbed(case, [s * f for s, f in zip(signals.values(), sizes, strict=True)])
-    for path, factor, values in zip(signals, sizes, changed, strict=True):
-        if factor and not isinstance(values, str):
-            own = {"delays": "s", "gains": ""}.get(path.split(".")[0], unit)
-            effects[path] = (values - outputs) / factor, own
-    return effects
+    added = [s * f for s, f in zip(signals.values(), sizes, strict=True)]
+    changed = run.disturbed(case, [*added, *(-signal for signal in added)])
+    ends = zip(changed[: len(added)], changed[len(added) :], strict=True)
+    return {
+        path: (after - before) / (2.0 * factor)
+        for path, factor, (after, before) in zip(signals, sizes, ends, strict=True)
+        if factor and not (isinstance(after, str) or isinstance(before, str))
+    }
 
 
-def _of_gears(run: RecordRun, case: Case, outputs: FloatArray) -> dict[str, tuple[FloatArray, str]]:
-    """Return changes of the outputs by backlash of joints that have none.
+def _of_gears(
+    run: RecordRun, case: Case, rates: FloatArray, outputs: FloatArray
+) -> dict[str, FloatArray]:
+    """Return changes of the outputs by backlash of joints that have none; none if they are white.
 
-    Its effect is not proportional to it: the motor needs time to cross the gap. The backlash that
-    is simulated is the part of the angle's range that the worst residuals are of theirs.
+    The motor needs time to cross the gap, so that the effect is not proportional to it. The gap
+    that is simulated is the part of the angle's range that the worst residuals are of theirs.
     """
-    left = [
-        np.std((run.measured - outputs)[good, k]) / (np.ptp(outputs[good, k]) or np.inf)
-        for k, good in enumerate(run.valid.T)
-    ]
-    try:
-        with without_warnings():
-            angles = simulate(Arm(case.spec), progress=False, **run.arguments(case))["joint_angle"]
-    except FlexarmError:
+    residuals = np.where(run.valid, run.measured - outputs, 0.0)
+    columns = [(r, y, good) for r, y, good in zip(residuals.T, outputs.T, run.valid.T, strict=True)]
+    if not any(whiteness(r, good) <= SIGNIFICANT for r, _, good in columns):
         return {}
+    left = max(np.std(r[good]) / (np.ptp(y[good]) or np.inf) for r, y, good in columns)
+    sizes = left * np.ptp(np.cumsum(rates, axis=0), axis=0) / run.record.rate
     effects = {}
     for k, (number, index) in enumerate(zip(run.joint_numbers, run.joint_places, strict=True)):
         joint = case.spec.joints[index]
         geared = joint if joint.elastic else _with_gear(joint, run.record.rate)
-        size = max(left, default=0.0) * float(np.ptp(angles.values[:, k]))
-        if geared is None or joint.backlash or number in run.record.settings.prescribed or not size:
+        size, led = float(sizes[k]), number in run.record.settings.prescribed
+        if geared is None or joint.backlash or led or not size:
             continue
         start = case
         if not joint.elastic:  # the twist is a further coordinate
@@ -289,7 +296,7 @@ def _of_gears(run: RecordRun, case: Case, outputs: FloatArray) -> dict[str, tupl
         specs = [with_joint(case.spec, index, geared.replace(backlash=gap)) for gap in (0.0, size)]
         before, after = run.simulate([start._replace(spec=spec) for spec in specs])
         if not (isinstance(before, str) or isinstance(after, str)):
-            effects[f"joints[{index}].backlash"] = (after - before) / size, "rad"
+            effects[f"joints[{index}].backlash"] = (after - before) / size
     return effects
 
 
@@ -302,34 +309,23 @@ def _with_gear(joint: Joint, rate: float) -> Joint | None:
         return None
     moved = motor * hub / (motor + hub) if hub else motor
     rapid = 2.0 * np.pi * _GEAR * rate
-    friction = joint.friction
-    if joint.damping:
-        friction = friction or Friction(coulomb=0.0)
-        viscous = [
-            joint.damping + (one or 0.0)
-            for one in (friction.viscous, friction.viscous_negative or friction.viscous)
-        ]
-        friction = friction.replace(viscous=viscous[0], viscous_negative=viscous[1])
+    friction = joint.friction or Friction(coulomb=0.0)
+    negative = friction.viscous if friction.viscous_negative is None else friction.viscous_negative
     return joint.replace(
         hub_inertia=hub,
         rotor_inertia=motor / joint.gear_ratio**2,
         stiffness=moved * rapid**2,
         damping=2.0 * _DAMPED * moved * rapid,
-        friction=friction,
+        friction=friction.replace(
+            viscous=friction.viscous + joint.damping, viscous_negative=negative + joint.damping
+        ),
     )
 
 
-def _of_outputs(
-    run: RecordRun, case: Case, outputs: FloatArray
-) -> dict[str, tuple[FloatArray, str]]:
+def _of_outputs(run: RecordRun, case: Case, outputs: FloatArray) -> dict[str, FloatArray]:
     """Return changes of the outputs by offsets, drifts, gains and delays of themselves."""
-    effects = {}
-    for path, change in run.reading_errors(case, outputs).items():
-        kind, _, text = path.partition(".")
-        label = check_label("path", text)
-        unit = MEASURED[label.channel].unit.replace("1", "")
-        effects[path] = change, {"delays": "s", "gains": ""}.get(kind, unit)
-        if kind == "offsets":
-            slow = run.times[:, None] - run.times.mean()
-            effects[f"drifts.{text}"] = change * slow, f"{unit}/s"
-    return effects
+    effects = run.reading_errors(case, outputs)
+    slow = run.times[:, None] - run.times.mean()
+    offsets = {path: change for path, change in effects.items() if path.startswith("offsets.")}
+    drifts = {p.replace("offsets", "drifts"): change * slow for p, change in offsets.items()}
+    return effects | drifts
