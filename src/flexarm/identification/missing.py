@@ -285,7 +285,7 @@ def _of_gears(
         joint = case.spec.joints[index]
         geared = joint if joint.elastic else _with_gear(joint, run.record.rate)
         size, led = float(sizes[k]), number in run.record.settings.prescribed
-        if geared is None or joint.backlash or led or not size:
+        if geared is None or joint.kind != "revolute" or joint.backlash or led or not size:
             continue
         start = case
         if not joint.elastic:  # the twist is a further coordinate
