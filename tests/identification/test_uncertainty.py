@@ -205,6 +205,7 @@ def test_intervals_at_a_bound_contain_the_change_by_missing_friction():
     assert truth(ONE, path) < row["interval_end"]
 
 
+@pytest.mark.thorough
 def test_backlash_of_a_rigid_joint_is_named_and_friction_is_not_taken_for_it():
     """Records of flexarm's own elastic joint, whose gear is stiffer than the test assumes."""
     joint = arm_of(ONE).spec.joints[0]
@@ -215,7 +216,7 @@ def test_backlash_of_a_rigid_joint_is_named_and_friction_is_not_taken_for_it():
         damping=0.5,
         friction=fa.Friction(coulomb=0.0, viscous=joint.damping),
     )
-    bench = record(ONE.name, 1, end=1.0)
+    bench = record(ONE.name, 1, end=1.5)
     random = np.random.default_rng(1)
     free = [RIGIDITY, "joints[0].damping", "joints[0].hub_inertia"]
     for gap, friction in ((5e-3, 0.0), (0.0, 0.02)):
