@@ -81,8 +81,10 @@ OTHERS = {
 }
 #: Distance of the gauges from the neutral axis (m).
 GAUGE = 1e-3
-#: Bars of a link in the coarse chain, and steps per sample.
-_BARS, _STEPS = 8, 500
+#: Bars of a link in the coarse chain, and steps per sample; for a change by backlash.
+_BARS, _STEPS, _FAST = 8, 500, 200
+#: Part of the inertia of a hub that is that of the motor, before a gear with backlash.
+_MOTOR = 0.4
 
 
 def torques(bench: Bench, duration: float, seed: int) -> np.ndarray:
@@ -99,21 +101,34 @@ def torques(bench: Bench, duration: float, seed: int) -> np.ndarray:
     return np.stack(rows, axis=1)
 
 
-def simulate(bench: Bench, torque: np.ndarray, count: int) -> np.ndarray:
-    """Return joint angles, strains and the tip (samples, joints + gauges + 2)."""
+def simulate(
+    bench: Bench,
+    torque: np.ndarray,
+    count: int,
+    backlash: float | None = None,
+    steps: int = _STEPS,
+) -> np.ndarray:
+    """Return joint angles, strains and the tip (samples, joints + gauges + 2).
+
+    With ``backlash`` (rad) a stiff gear with this gap is between the motor of the first joint,
+    which has a part of the inertia of the hub, and the link. The joint angle is that of the motor.
+    """
     import mujoco
     from mujoco import rollout
 
-    step = 1.0 / (RATE * _STEPS)
-    model = mujoco.MjModel.from_xml_string(_description(bench, count, step))
+    step = 1.0 / (RATE * steps)
+    root = _description(bench, count, step)
+    if backlash is not None:
+        _add_gear(root, backlash, _MOTOR * bench.hub_inertia[0])
+    model = mujoco.MjModel.from_xml_string(tostring(root, encoding="unicode"))
     data = mujoco.MjData(model)
     start = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
     mujoco.mj_getState(model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    held = np.repeat(torque, _STEPS, axis=0)[: (len(torque) - 1) * _STEPS + 1]
+    held = np.repeat(torque, steps, axis=0)[: (len(torque) - 1) * steps + 1]
     _, sensed = rollout.rollout(model, data, start[None], held[None])
     if data.warning.number.any():
         raise RuntimeError("MuJoCo became unstable: the step is too long.")
-    rows = sensed[0, ::_STEPS]
+    rows = sensed[0, ::steps]
     joints = len(bench.lengths)
     columns = [rows[:, :joints]]
     for link in range(joints):
@@ -135,8 +150,15 @@ def interpolated(places: np.ndarray, values: np.ndarray, place: float) -> np.nda
     return values[:, near] @ np.array(weights)
 
 
-def _description(bench: Bench, count: int, step: float) -> str:
-    """Write the chain in MuJoCo's format; sensors: joints, springs, tip."""
+def change_by_backlash(bench: Bench, samples: int, backlash: float) -> np.ndarray:
+    """Return the change of the columns of a record by backlash (rad) of the first joint."""
+    torque = torques(bench, bench.duration, bench.seed)[:samples]
+    with_gap, without = (simulate(bench, torque, _BARS, gap, _FAST) for gap in (backlash, 1e-7))
+    return with_gap - without
+
+
+def _description(bench: Bench, count: int, step: float) -> Element:
+    """Describe the chain in MuJoCo's format; sensors: joints, springs, tip."""
     root = Element("mujoco")
     SubElement(root, "compiler", angle="radian")
     option = SubElement(root, "option", timestep=repr(step), integrator="RK4", gravity="0 0 0")
@@ -174,7 +196,27 @@ def _description(bench: Bench, count: int, step: float) -> str:
         SubElement(sensors, "jointpos", joint=name)
     SubElement(sensors, "framepos", objtype="site", objname="tip")
     root.extend([actuators, sensors])
-    return tostring(root, encoding="unicode")
+    return root
+
+
+def _add_gear(root: Element, backlash: float, inertia: float) -> None:
+    """Put a motor and the limits of a gear before the first link."""
+    world = root.find("worldbody")
+    link = world.find("body")
+    joint, hub = link.find("joint"), link.find("inertial")
+    for part in (link, joint):
+        (world if part is link else link).remove(part)
+    motor = SubElement(world, "body", pos="0 0 0")
+    around = " ".join([repr(inertia)] * 3)
+    SubElement(motor, "inertial", pos="0 0 0", mass="1e-9", diaginertia=around)
+    left = float(hub.get("diaginertia").split()[0]) - inertia
+    hub.set("diaginertia", " ".join([repr(left)] * 3))
+    gear = Element("joint", type="hinge", axis="0 0 1", name="gear", limited="true")
+    gear.set("range", f"{-0.5 * backlash!r} {0.5 * backlash!r}")
+    gear.set("solreflimit", "0.0005 1")  # time constant (s) and damping ratio of its contacts
+    gear.set("solimplimit", "0.95 0.99 0.0001")
+    link.insert(0, gear)
+    motor.extend([joint, link])
 
 
 def _add_mass(body: Element, place: float, mass: float) -> None:

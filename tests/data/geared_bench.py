@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,10 +78,43 @@ def friction_torque(bench: GearedBench, rate: float) -> float:
     return level * sign + bench.viscous * rate
 
 
+def gear_torque(backlash: float) -> Callable[..., float]:
+    """Return the torque of the gear's damped spring, which has no stiffness within a gap (rad)."""
+
+    def torque(
+        _system: object,
+        _time: float,
+        _item: int,
+        twist: float,
+        rate: float,
+        stiffness: float,
+        damping: float,
+        _offset: float,
+    ) -> float:
+        inside = min(max(twist, -0.5 * backlash), 0.5 * backlash)
+        return stiffness * (twist - inside) + damping * rate
+
+    return torque
+
+
+def change_by_backlash(bench: GearedBench, samples: int, backlash: float) -> np.ndarray:
+    """Return the change of the columns of a record by backlash (rad)."""
+    torque = torques(bench, bench.duration, bench.seed)[:samples]
+    gaps = (simulate(bench, torque, _STEPS, backlash=gap) for gap in (backlash, 0.0))
+    return np.subtract(*gaps)
+
+
 def simulate(
-    bench: GearedBench, torque: np.ndarray, steps: int, elements: int = _ELEMENTS
+    bench: GearedBench,
+    torque: np.ndarray,
+    steps: int,
+    elements: int = _ELEMENTS,
+    backlash: float = 0.0,
 ) -> np.ndarray:
-    """Return joint angle, strain and the tip (samples, 4), with ``steps`` steps per sample."""
+    """Return joint angle, strain and the tip (samples, 4), with ``steps`` steps per sample.
+
+    The spring of the gear has ``backlash`` (rad).
+    """
     import exudyn
     from exudyn import itemInterface as items
 
@@ -103,6 +137,7 @@ def simulate(
             markerNumbers=[motor, root],
             stiffness=bench.gear_stiffness,
             damping=bench.joint_damping[0],
+            **({"springForceUserFunction": gear_torque(backlash)} if backlash else {}),
         )
     )
     system.AddObject(

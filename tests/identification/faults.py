@@ -3,6 +3,7 @@
 import numpy as np
 
 import flexarm as fa
+from data import bench_records, geared_bench
 from data.bench_records import ONE, RATE, TWO, Bench
 from flexarm.model.paths import with_number
 from identification.benches import believed, record, rough_record, truth
@@ -11,6 +12,7 @@ from identification.benches import believed, record, rough_record, truth
 FAULTS = {
     "friction": ("Coulomb friction",),
     "friction by direction": ("N m at positive and",),
+    "backlash": ("backlash of joint 1", "Joint 1 has backlash"),
     "torque offset": ("torque_1 reads", "offset of torque_1"),
     "strain offset": ("strain_1 reads", "offset of strain_1"),
     "delay": ("strain_1 is late", "delay of strain_1"),
@@ -26,7 +28,7 @@ FAULTS = {
     "encoder offset": ("joint_angle_2 reads", "offset of joint_angle_2"),
 }
 #: Faults that a bench cannot show: the angle of the first joint has no effect without gravity.
-UNSEEN = {ONE.name: ("encoder offset",), TWO.name: ()}
+UNSEEN = {ONE.name: ("encoder offset",), TWO.name: (), geared_bench.THREE.name: ("encoder offset",)}
 
 
 def faulty_record(fault: str, seed: int, end: float, bench: Bench = ONE) -> fa.MeasuredRecord:
@@ -45,6 +47,12 @@ def faulty_record(fault: str, seed: int, end: float, bench: Bench = ONE) -> fa.M
         middle = 0.5 * (rate + np.roll(rate, -1, axis=0))
         sign = np.tanh(middle / (0.02 * np.abs(rate).max(axis=0)))
         torque += 0.03 * size * (sign + 0.5) * np.array(bench.amplitude)
+    elif fault == "backlash":
+        program = geared_bench if bench is geared_bench.THREE else bench_records
+        change = program.change_by_backlash(bench, strain.size, 3e-3 * size)
+        joints = torque.shape[1]
+        data["joint_angle"].values[:] += change[:, :joints]
+        data["strain"].values[:] += change[:, joints : 2 * joints]
     elif fault == "torque offset":
         torque[:, 0] += 0.02 * size * bench.amplitude[0]
     elif fault == "torque gain":

@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import flexarm as fa
 from data.bench_records import ONE, TWO
+from data.geared_bench import THREE
 from identification.faults import (
     FAULTS,
     UNSEEN,
@@ -29,7 +30,7 @@ from identification.faults import (
 def main(seeds: range, kinds: list[str], names: list[str], end: float) -> None:
     """Print a line for each record, seed by seed."""
     for seed in seeds:
-        for bench in (ONE, TWO):
+        for bench in (ONE, TWO, THREE):
             for fault in kinds:
                 if bench.name not in names or fault in UNSEEN[bench.name]:
                     continue

@@ -5,7 +5,7 @@ import pytest
 
 import flexarm as fa
 from arms import chain
-from flexarm.identification import fitting
+from flexarm.identification import fitting, runs
 
 pytestmark = [
     pytest.mark.compiled,
@@ -63,7 +63,7 @@ def fit(monkeypatch, loop, fewest):
     Args:
         fewest: numbers by which ``sensitivities`` is used.
     """
-    monkeypatch.setattr(fitting, "_FEWEST_IN_LOOP", fewest)
+    monkeypatch.setattr(runs, "_FEWEST_IN_LOOP", fewest)
     found, original = [], fitting.output_derivatives
 
     def kept(*given):

@@ -192,6 +192,54 @@ def test_intervals_cover_in_spite_of_friction_and_coloured_errors():
     assert np.mean(covered) > 0.9
 
 
+@pytest.mark.thorough
+def test_intervals_at_a_bound_contain_the_change_by_missing_friction():
+    """The damping of a link that starts in motion; its derivatives give 3e-4 s at most."""
+    path = "links[0].damping.stiffness_coefficient"
+    measured = rough_record(ONE, 0, start=3.0, initial="estimate")
+    found = quiet(believed(ONE, 0), measured, FREE[ONE.name], starts=1)
+    row = found.parameters.sel(parameter=path)
+    assert "Coulomb friction of joint 1" in found.missing[0]
+    assert row["estimate"] < 1e-4
+    assert row["interval_start"] == 0.0
+    assert truth(ONE, path) < row["interval_end"]
+
+
+@pytest.mark.thorough
+def test_backlash_of_a_rigid_joint_is_named_and_friction_is_not_taken_for_it():
+    """Records of flexarm's own elastic joint, whose gear is stiffer than the test assumes."""
+    joint = arm_of(ONE).spec.joints[0]
+    geared = joint.replace(
+        hub_inertia=0.012,
+        rotor_inertia=0.008,
+        stiffness=2000.0,
+        damping=0.5,
+        friction=fa.Friction(coulomb=0.0, viscous=joint.damping),
+    )
+    bench = record(ONE.name, 1, end=1.5)
+    random = np.random.default_rng(1)
+    free = [RIGIDITY, "joints[0].damping", "joints[0].hub_inertia"]
+    for gap, friction in ((5e-3, 0.0), (0.0, 0.02)):
+        rough = fa.Friction(coulomb=friction, viscous=joint.damping)
+        plant = geared.replace(backlash=gap, friction=rough)
+        run = fa.simulate(
+            fa.Arm(arm_of(ONE).spec.replace(joints=[plant])),
+            bench.duration,
+            torque=bench.data["torque"].values,
+            torque_interpolation="hold",
+            rate=bench.rate,
+            integrator="kennedy_carpenter_5",
+            rtol=1e-6,
+        )
+        data = bench.data.copy(deep=True)
+        for channel, noise in (("joint_angle", 2e-4), ("strain", 5e-7)):
+            values = run[channel].values
+            data[channel].values[:] = values + noise * random.standard_normal(values.shape)
+        found = quiet(arm_of(ONE), fa.MeasuredRecord(data, bench.settings), free, starts=1)
+        named = [sentence for sentence in found.missing if "backlash of joint 1" in sentence]
+        assert bool(named) == bool(gap), found.missing
+
+
 def test_priors_limit_the_change_by_effects(monkeypatch):
     """Two parameters with nearly equal effects: the prior of the second one is all there is."""
     from flexarm.identification import missing

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_kind
@@ -18,10 +17,9 @@ from flexarm.identification.fitting import (
     Fit,
     FitFailure,
     FitProblem,
-    output_derivatives,
     profile_end,
 )
-from flexarm.identification.missing import missing_effects
+from flexarm.identification.missing import information_of, missing_effects, with_effects
 from flexarm.identification.record import (
     MEASURED,
     MeasuredRecord,
@@ -30,10 +28,9 @@ from flexarm.identification.record import (
     check_some_records,
 )
 from flexarm.identification.result import aligned, number_of
-from flexarm.identification.runs import RecordRun
+from flexarm.identification.runs import RecordRun, output_derivatives
 from flexarm.identification.space import Case, Slot, Space, check_free, in_words
 from flexarm.identification.statistics import (
-    Column,
     covariance_of,
     fit_percent,
     independence,
@@ -84,7 +81,15 @@ def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
     # Residuals of a search that goes on, or below the accuracy of the runs, show nothing.
     rough = fit.converged and min(fits_by_channel(problem.runs, fit.outputs).values()) < _PERFECT
     missing = missing_effects(problem, fit, columns, priors) if effects and rough else []
-    covariance = covariance_of(columns, priors, [effect.shift for effect in missing])
+    shifts = [effect.shift for effect in missing]
+    covariance = covariance_of(columns, priors, shifts)
+    half, (lower, upper) = _HALF * np.sqrt(np.diag(covariance)), problem.space.bounds
+    near = physical & ((fit.vector - half < lower) | (fit.vector + half > upper))
+    if missing and near.any():
+        # Near a bound, such as one of damping, the derivatives are those of another motion.
+        start = np.where(near, problem.space.start, fit.vector)
+        moved = with_effects(problem, start, [effect.path for effect in missing]) - fit.vector
+        covariance = covariance_of(columns, priors, [*shifts, np.where(near, moved, 0.0)])
     # An estimate of zero has no size.
     size = np.where(size > _AT_BOUND * problem.space.scale, size, problem.space.scale)
     # A change by effects is an error of the model, which says nothing about the data.
@@ -158,31 +163,6 @@ def estimate_errors(
     values, vectors = np.linalg.eigh(table["correlation"].values[np.ix_(kept, kept)])
     root = sizes[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     return np.asarray(slopes @ root)
-
-
-def information_of(
-    problem: FitProblem, fit: Fit
-) -> tuple[list[Column], FloatArray, NDArray[np.bool_]]:
-    """Return weighted residuals with derivatives, inverse variances of priors, physical slots."""
-    # The columns are those of all channels of all records; slots of initial states are not
-    # physical.
-    columns = []
-    derivatives = problem.derivatives(fit.vector)
-    for k, (run, outputs, slope) in enumerate(
-        zip(problem.runs, fit.outputs, derivatives, strict=True)
-    ):
-        places = problem.space.acting_on(k)
-        whitened = problem.whitened(k, run.measured - outputs)
-        slopes = problem.whitened(k, -slope)
-        for c in range(len(run.labels)):
-            good = run.valid[:, c]
-            own = np.zeros((run.times.size, fit.vector.size))
-            own[:, places] = slopes[:, c]
-            residuals = whitened[:, c]
-            columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None], good, k))
-    slots = problem.space.slots
-    priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
-    return columns, priors, np.array([not slot.initial for slot in slots], dtype=bool)
 
 
 def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.ndarray) -> xr.Dataset:

@@ -22,7 +22,7 @@ from flexarm.base.errors import (
     without_warnings,
 )
 from flexarm.identification import fitting
-from flexarm.identification.assessment import fits_by_channel, information_of
+from flexarm.identification.assessment import fits_by_channel
 from flexarm.identification.data_sheet import (
     Parameters,
     driven_joints,
@@ -37,7 +37,12 @@ from flexarm.identification.identify import (
     prepared_fit,
 )
 from flexarm.identification.inspection import inspected
-from flexarm.identification.missing import Effect, effect_name, missing_effects
+from flexarm.identification.missing import (
+    Effect,
+    effect_name,
+    information_of,
+    missing_effects,
+)
 from flexarm.identification.record import (
     FEWEST,
     MEASURED,
@@ -58,6 +63,7 @@ from flexarm.identification.space import (
     in_words,
     of_records,
     start_angles,
+    with_joint,
     without_error,
 )
 from flexarm.identification.statistics import fit_percent
@@ -72,8 +78,8 @@ from flexarm.simulation.run.settings import DEFAULTS, MethodSettings, replaced
 
 #: Part of each record that is fitted; the rest of it judges the stages.
 _FITTED = 0.7
-#: Relative tolerance of the runs of stages, and most evaluations of one.
-_ROUGH, _EVALUATIONS = 1e-4, 12
+#: Most evaluations of the fit of a stage.
+_EVALUATIONS = 12
 #: Least decrease of the RMS, as a fraction, that keeps a stage, and fit (%) that leaves nothing.
 _GAIN, _PERFECT = 0.01, 99.9
 #: Most rounds in which effects that residuals show join the model.
@@ -154,8 +160,8 @@ def commission(
     parameters = check_free(free, least=0)
     prepared_fit(arm, fitted, parameters, unseen, *common)  # raises errors before the stages
     shown = progress or (progress is None and sys.stderr.isatty())
-    rough = {**options, "rtol": max(rtol, _ROUGH), "contacts": contacts}
-    work = _Commissioning(arm, fitted, motors, {k: v for k, v in rough.items() if v}, shown)
+    given = {k: v for k, v in (options | {"contacts": contacts}).items() if v}
+    work = _Commissioning(arm, fitted, motors, given, shown)
     with without_warnings():
         work.go_through(parameters)
         case, every = work.case, list(work.free.values())
@@ -248,7 +254,8 @@ class _Commissioning:
         return with_columns(record, columns, settings)
 
     def _runs(self, records: Mapping[str, MeasuredRecord]) -> list[RecordRun]:
-        return [RecordRun(name, r, self._arm, self._options) for name, r in records.items()]
+        runs = [RecordRun(name, r, self._arm, self._options) for name, r in records.items()]
+        return [run.coarse() for run in runs]
 
     def _score(self, case: Case, following: bool = False) -> _Score:
         """Return RMS and fit on the parts that are not fitted; empty if a run fails."""
@@ -390,17 +397,19 @@ class _Commissioning:
         """Return a case with effects at their sizes, and their parameters."""
         spec, errors = case.spec, dict(case.errors)
         for effect in effects:
-            match = _FRICTION.match(effect.path)
-            if of_records(effect.path):
+            match = _OF_JOINT.match(effect.path)
+            if match is None:
                 errors[effect.path] = without_error(effect.path) + effect.size
                 if effect.path.startswith("delays."):
                     errors[effect.path] = max(errors[effect.path], 0.0)
+            elif match[2] == "backlash":
+                spec = with_number(spec, effect.path, effect.size)
             else:
-                assert match is not None
                 index = int(match[1])
                 rate = self._smoothing(case)[driven_joints(spec).index(index)]
                 old = spec.joints[index].friction or Friction(coulomb=0.0, smoothing_rate=rate)
-                spec = _with_joint(spec, index, friction=old.replace(coulomb=effect.size))
+                joint = spec.joints[index].replace(friction=old.replace(coulomb=effect.size))
+                spec = with_joint(spec, index, joint)
         parameters = {effect.path: FreeParameter(effect.path) for effect in effects}
         return case._replace(spec=spec, errors=errors), parameters
 
@@ -424,7 +433,9 @@ class _Commissioning:
             assert friction is not None
             rate = self._smoothing(self.case)[driven_joints(spec).index(k)]
             if rate > 0.0:  # a joint that does not move has no friction in motion
-                spec = _with_joint(spec, k, friction=friction.replace(smoothing_rate=rate))
+                spec = with_joint(
+                    spec, k, spec.joints[k].replace(friction=friction.replace(smoothing_rate=rate))
+                )
         self.case = self.case._replace(spec=spec)
 
     def _use_modes(self, rigidities: Sequence[str]) -> None:
@@ -455,20 +466,18 @@ class _Commissioning:
 _FACTORS, _UNITS = (1.0 / 3.0, 3.0), ": check the units of the record, such as degrees"
 _CUT = "Cut the record where its sensors work."
 _RIVAL = ", or masses that differ from the data sheet by more than 10 %"
-_FRICTION = re.compile(r"joints\[(\d+)\]\.friction\.coulomb$")
+_OF_JOINT = re.compile(r"joints\[(\d+)\]\.(friction\.coulomb|backlash)$")
 
 
 def _can_join(spec: ArmSpec, path: str) -> bool:
-    """Return whether an effect is friction that a joint lacks."""
-    match = _FRICTION.match(path)
-    friction = spec.joints[int(match[1])].friction if match else None
-    return match is not None and (friction is None or friction.coulomb == 0.0)
-
-
-def _with_joint(spec: ArmSpec, index: int, **changes: Any) -> ArmSpec:
-    joints = list(spec.joints)
-    joints[index] = joints[index].replace(**changes)
-    return spec.replace(joints=joints)
+    """Return whether an effect is friction that a joint lacks, or backlash of an elastic joint."""
+    match = _OF_JOINT.match(path)
+    if match is None:
+        return False
+    joint = spec.joints[int(match[1])]
+    if match[2] == "backlash":
+        return joint.elastic
+    return joint.friction is None or joint.friction.coulomb == 0.0
 
 
 def _length(record: MeasuredRecord) -> int:
@@ -536,9 +545,11 @@ def _named(table: xr.Dataset) -> list[str]:
         kind, _, text = path.partition(".")
         label = label_of(text)
         unit = MEASURED[label.channel].unit.replace("1", "") if label else ""
-        match = _FRICTION.match(path)
-        if match and start == 0.0:
-            joint = int(match[1]) + 1
+        match = _OF_JOINT.match(path)
+        joint = int(match[1]) + 1 if match else 0
+        if match and match[2] == "backlash":
+            sentences.append(f"Joint {joint} has backlash of about {value:.2g} rad.")
+        elif match and start == 0.0:
             sentence = f"Joint {joint} stops early: Coulomb friction of about {value:.2g} N m"
             # While a joint moves, an offset of its torque and friction of each direction are equal.
             offset = changed.get(f"offsets.torque_{joint}", (0.0, 0.0))[0]

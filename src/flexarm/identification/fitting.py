@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmError, InputError, without_warnings
-from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Case, Space, initial_argument, of_records
+from flexarm.base.errors import InputError
+from flexarm.identification.runs import RecordRun, output_derivatives
+from flexarm.identification.space import Space
 from flexarm.integrate.base import FloatArray
-from flexarm.simulation.derivatives.sensitivities import sensitivities
 
 #: Rounds in which the noise of channels is estimated anew, and the change that ends them.
 _ROUNDS, _SETTLED = 6, 0.03
@@ -54,12 +51,16 @@ class FitProblem:
         known: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self.space, self.runs, self._watch = space, runs, watch
+        self._coarse = [run.coarse() for run in runs]
+        #: Whether ``outputs`` and ``derivatives`` come from coarse runs.
+        self.coarse = self.coarse_slopes = False
         self.noise: dict[str, float] = {}
         self._signals: dict[str, float] = {}  # largest magnitudes
         self.fixed: set[str] = set(known)
         self.failure = ""
         self.evaluations = 0
         self._last: tuple[FloatArray, list[FloatArray]] | None = None
+        self._kept: tuple[tuple[bool, bytes], list[FloatArray]] | None = None
         for run in runs:
             given = run.record.settings.noise
             for k, label in enumerate(run.labels):
@@ -83,13 +84,23 @@ class FitProblem:
         self._priors = [k for k, slot in slots if np.isfinite(slot.prior_deviation)]
 
     def beginning(self) -> FitProblem | None:
-        """Return the problem of the beginnings of all records; None if they are short."""
+        """Return the problem of coarse runs of the beginnings; None if the records are short."""
         try:
             runs = [run.beginning(*_BEGINNING) for run in self.runs]
         except InputError:  # a channel has no samples there
             return None
         short = [run for run in runs if run is not None]
         return FitProblem(self.space, short, self._watch) if len(short) == len(runs) else None
+
+    @contextmanager
+    def searching(self) -> Iterator[None]:
+        """Compute outputs and derivatives by coarse runs within a block."""
+        self.coarse = self.coarse_slopes = True
+        try:
+            yield
+        finally:
+            self.coarse = self.coarse_slopes = False
+            self._last = None
 
     def prepare(self, vector: FloatArray) -> None:
         """Return to the first guess of the noise, before a fit that starts at ``vector``."""
@@ -109,9 +120,11 @@ class FitProblem:
         return (vector - self.space.start) / self.space.scale
 
     def outputs(self, vector: FloatArray) -> list[FloatArray] | None:
-        """Return the outputs of all records, or None if a run fails."""
+        """Return the outputs of all records, kept, or None if a run fails."""
+        if self._kept is not None and self._kept[0] == (self.coarse, vector.tobytes()):
+            return self._kept[1]
         simulated = []
-        for k, run in enumerate(self.runs):
+        for k, run in enumerate(self._coarse if self.coarse else self.runs):
             try:
                 case = self.space.case(k, vector)
             except InputError as error:
@@ -122,6 +135,7 @@ class FitProblem:
                 self.failure = f"{run.name}: {outputs}"
                 return None
             simulated.append(outputs)
+        self._kept = (self.coarse, vector.tobytes()), simulated
         return simulated
 
     def residuals(self, scaled: FloatArray) -> FloatArray:
@@ -173,7 +187,7 @@ class FitProblem:
         if self._last is not None and np.array_equal(self._last[0], vector):
             return self._last[1]
         every = []
-        for k, run in enumerate(self.runs):
+        for k, run in enumerate(self._coarse if self.coarse_slopes else self.runs):
             places = self.space.acting_on(k)
             slopes = output_derivatives(run, self.space, k, vector, places)
             if isinstance(slopes, str):
@@ -256,34 +270,38 @@ def fit_from(
     iterations: int,
     precision: float = _FINE,
 ) -> Fit:
-    """Fit from a vector of parameters, with the noise of the channels estimated in between."""
+    """Fit from a vector of parameters, with the noise of the channels estimated in between.
+
+    Coarse runs lead near the minimum. Their derivatives lead to it: residuals without slope along
+    derivatives with a small relative error differ little from those of the minimum.
+    """
     scaled, robust = problem.scaled(start), loss != "linear"
-    problem.evaluations = 0
-    problem.prepare(problem.vector(scaled))
-    outputs = problem.outputs(problem.vector(scaled))
-    if outputs is None:
-        raise FitFailure(problem.failure)
-    # A beginning costs less, and vibrations that are only a little too fast or too slow are still
-    # in phase there, so that it has fewer wrong minima.
-    early, left = problem.beginning(), iterations
-    if early is not None:
-        first, _, used = _minimum(early, scaled, loss, max(1, left // 2), COARSE)
-        left = max(1, left - used)
-        first_outputs = problem.outputs(problem.vector(first))
-        if first_outputs is not None:
-            scaled = first
-            outputs, _ = problem.tune(problem.vector(first), first_outputs, robust)
-    free = problem.noise.keys() - problem.fixed
-    converged, change = True, 0.0
-    for attempt in range(_ROUNDS):
-        rough = COARSE if free and attempt == 0 else precision
-        scaled, converged, used = _minimum(problem, scaled, loss, left, rough)
-        left -= used
-        vector = problem.vector(scaled)
-        outputs, change = problem.tune(vector, problem.outputs(vector) or outputs, robust)
-        if change < _SETTLED or left < 1:
-            break
-    return problem.fit(problem.vector(scaled), outputs, converged and change < _SETTLED)
+    with problem.searching():
+        problem.evaluations = 0
+        problem.prepare(problem.vector(scaled))
+        outputs = problem.outputs(problem.vector(scaled))
+        if outputs is None:
+            raise FitFailure(problem.failure)
+        # A beginning costs less, and vibrations that are only a little too fast or too slow are
+        # still in phase there, so that it has fewer wrong minima.
+        early, left = problem.beginning(), iterations
+        if early is not None:
+            first, _, used = _minimum(early, scaled, loss, max(1, left // 2), COARSE)
+            left = max(1, left - used)
+            first_outputs = problem.outputs(problem.vector(first))
+            if first_outputs is not None:
+                scaled = first
+                outputs, _ = problem.tune(problem.vector(first), first_outputs, robust)
+        converged, change = True, 0.0
+        for attempt in range(_ROUNDS):
+            rough = precision if attempt else COARSE
+            scaled, converged, used = _minimum(problem, scaled, loss, left, rough)
+            left -= used
+            vector, problem.coarse = problem.vector(scaled), False
+            outputs, change = problem.tune(vector, problem.outputs(vector) or outputs, robust)
+            if (change < _SETTLED and rough == precision) or left < 1:
+                break
+        return problem.fit(problem.vector(scaled), outputs, converged and change < _SETTLED)
 
 
 def _minimum(
@@ -344,7 +362,8 @@ def other_fits(
         problem.restore(best)
         start = problem.scaled(np.clip(best.vector + sign * direction, lower, upper))
         try:
-            scaled, converged, _ = _minimum(problem, start, loss, iterations, COARSE)
+            with problem.searching():
+                scaled, converged, _ = _minimum(problem, start, loss, iterations, COARSE)
             vector = problem.vector(scaled)
             outputs = problem.outputs(vector)
             if outputs is None:
@@ -408,7 +427,7 @@ def _pinned(problem: FitProblem, start: FloatArray, place: int, width: float) ->
     slots[place] = replace(slots[place], prior=start[place], prior_deviation=width)
     pinned = copy(problem)
     pinned.space = copy(problem.space)
-    pinned.space.slots = slots
+    pinned.space.slots, pinned.coarse_slopes = slots, True
     pinned.set_priors()
     scaled, converged = pinned.scaled(start), False
     try:
@@ -420,174 +439,3 @@ def _pinned(problem: FitProblem, start: FloatArray, place: int, width: float) ->
     vector = problem.vector(scaled)
     outputs = problem.outputs(vector)
     return None if outputs is None else problem.fit(vector, outputs, converged)
-
-
-def random_start(space: Space, random: np.random.Generator) -> FloatArray:
-    """Draw a start: between finite bounds, else by a factor of e^0.4 about a positive value."""
-    vector = space.start
-    lower, upper = space.bounds
-    for k, slot in enumerate(space.slots):
-        if slot.initial:
-            continue
-        if np.isfinite(lower[k]) and np.isfinite(upper[k]):
-            if lower[k] > 0.0:
-                vector[k] = np.exp(random.uniform(np.log(lower[k]), np.log(upper[k])))
-            else:
-                vector[k] = random.uniform(lower[k], upper[k])
-        elif vector[k] > 0.0:
-            vector[k] *= np.exp(0.4 * random.standard_normal())
-        else:
-            vector[k] += 0.4 * slot.scale * random.standard_normal()
-        vector[k] = min(max(vector[k], lower[k]), upper[k])
-    return vector
-
-
-#: Step of central differences, as a fraction of the scale of a parameter: the error of the
-#: difference, which grows with its square, stays below that of the runs divided by it.
-_STEP = 1e-4
-#: Fewest numbers by which ``sensitivities`` is faster than differences in a closed loop.
-_FEWEST_IN_LOOP = 3
-#: Numbers that determine the torque of a current or voltage.
-_OF_MOTORS = re.compile(r"motors\.|joints\[\d+\]\.(winding|gear_ratio)")
-#: Numbers of the arm that only outputs depend on.
-_OF_OUTPUTS = re.compile(r"links\[\d+\]\.gauges\[")
-_DISTANCE = re.compile(r"links\[(\d+)\]\.gauges\[(\d+)\]\.distance")
-_REFUSED = re.compile(r"parameters\[(\d+)\]")
-
-
-def output_derivatives(
-    run: RecordRun, space: Space, record: int, vector: FloatArray, places: NDArray[np.intp]
-) -> FloatArray | str:
-    """Return derivatives (samples, channels, places), or the reason why the run fails.
-
-    They are those of ``sensitivities`` where it supports the run and the number, else central
-    differences. ``record`` is its index in ``space``; ``places`` are indices in ``vector``.
-    """
-    derivatives = np.zeros((run.times.size, len(run.labels), len(places)))
-    paths = [space.slots[place].path for place in places]
-    try:
-        exact = _by_duals(run, space.case(record, vector), paths, derivatives)
-    except FlexarmError as error:
-        return str(error)
-    others = [k for k in range(len(places)) if k not in exact]
-    if not others:
-        return derivatives
-    return _by_differences(run, space, record, vector, places, others, derivatives)
-
-
-def _exact_places(run: RecordRun, paths: Sequence[str]) -> list[int]:
-    """Return the indices of the paths by which ``sensitivities`` may differentiate."""
-    few = run.record.controller is not None and len(paths) < _FEWEST_IN_LOOP
-    if few or not run.differentiable:
-        return []
-    driven = run.record.input in ("current", "voltage")
-    return [
-        k
-        for k, path in enumerate(paths)
-        if not (driven and _OF_MOTORS.match(path))
-        and not _OF_OUTPUTS.match(path)
-        and not of_records(path)
-    ]
-
-
-def _by_duals(
-    run: RecordRun, case: Case, paths: Sequence[str], derivatives: FloatArray
-) -> list[int]:
-    """Fill the derivatives that ``sensitivities`` supports; return their indices in ``paths``."""
-    exact = _exact_places(run, paths)
-    while exact:
-        try:
-            with without_warnings():
-                # Without a second run: derivatives better than the runs are not needed.
-                dual = sensitivities(
-                    Arm(case.spec),
-                    parameters=[initial_argument(paths[k]) or paths[k] for k in exact],
-                    error_estimate=False,
-                    progress=False,
-                    channels=run.channels,
-                    **run.arguments(case),
-                )
-        except InputError as error:
-            refused = [_REFUSED.match(problem.name) for problem in error.problems]
-            wrong = {int(match[1]) for match in refused if match}
-            if not wrong:
-                if run.record.controller is None:
-                    raise
-                return []  # a loop that is not differentiable, such as one that rounds
-            exact = [k for j, k in enumerate(exact) if j not in wrong]
-            continue
-        channels = {name: np.moveaxis(dual[name].values, 0, -1) for name in run.channels}
-        derivatives[..., exact] = run.changes(channels, case)
-        return exact
-    return []
-
-
-def _by_differences(
-    run: RecordRun,
-    space: Space,
-    record: int,
-    vector: FloatArray,
-    places: NDArray[np.intp],
-    chosen: Sequence[int],
-    derivatives: FloatArray,
-) -> FloatArray | str:
-    """Fill the derivatives by central differences, or return why the run at ``vector`` fails."""
-    # They are one-sided at a bound, or where one of both runs fails, and zero where both fail, so
-    # that no step goes in that direction.
-    lower, upper = space.bounds
-    cases: list[Case] = [space.case(record, vector)]
-    steps: list[tuple[int, float]] = []
-    readings = {k: _column_of(run, space.slots[places[k]].path) for k in chosen}
-    errors = run.reading_errors(cases[0], run.measured)  # their paths
-    for k in chosen:
-        place = places[k]
-        proportional = readings[k] is not None and vector[place] != 0.0
-        if proportional or space.slots[place].path in errors:
-            continue
-        for sign in (1.0, -1.0):
-            moved = vector.copy()
-            moved[place] += sign * _STEP * space.scale[place]
-            moved[place] = min(max(moved[place], lower[place]), upper[place])
-            change = moved[place] - vector[place]
-            if change == 0.0:
-                continue
-            try:
-                cases.append(space.case(record, moved))
-            except InputError:  # a limit of several numbers together
-                continue
-            steps.append((k, change))
-    center, *others = run.simulate(cases)
-    if isinstance(center, str):
-        return center
-    errors = run.reading_errors(cases[0], center)
-    for k in chosen:
-        if space.slots[places[k]].path in errors:
-            derivatives[..., k] = errors[space.slots[places[k]].path]
-            continue
-        column, value = readings[k], vector[places[k]]
-        if column is not None and value != 0.0:
-            # A strain without its offset is proportional to the distance of its gauge.
-            clean = errors[f"gains.{run.labels[column].text}"][:, column]
-            gain = cases[0].errors.get(f"gains.{run.labels[column].text}", 1.0)
-            derivatives[:, column, k] = gain * clean / value
-            continue
-        ends = [
-            (change, outputs)
-            for (j, change), outputs in zip(steps, others, strict=True)
-            if j == k and not isinstance(outputs, str)
-        ]
-        if len(ends) == 1:
-            ends.append((0.0, center))
-        if ends:
-            (high, after), (low, before) = ends
-            derivatives[..., k] = (after - before) / (high - low)
-    return derivatives
-
-
-def _column_of(run: RecordRun, path: str) -> int | None:
-    """Return the index of the output that is proportional to the number at a path, or None."""
-    match = _DISTANCE.fullmatch(path)
-    if match is None or not run.proportional:
-        return None
-    text = f"strain_{run.gauge_number(int(match[1]), int(match[2]))}"
-    return next((k for k, label in enumerate(run.labels) if label.text == text), None)

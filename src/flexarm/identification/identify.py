@@ -52,7 +52,7 @@ from flexarm.identification.record import (
 )
 from flexarm.identification.result import Identification, related
 from flexarm.identification.runs import RecordRun, warn_of_work
-from flexarm.identification.space import Case, Space, check_free, of_records
+from flexarm.identification.space import Case, Space, check_free, of_records, random_start
 from flexarm.identification.statistics import warn_of_fits
 from flexarm.integrate.base import FloatArray
 from flexarm.linear.statics.gaps import refuse_bristles
@@ -377,7 +377,7 @@ def _fits(
     """Return the fits of all starts, None for those that failed."""
     fits: list[fitting.Fit | None] = []
     for k in range(count):
-        start = problem.space.start if k == 0 else fitting.random_start(problem.space, random)
+        start = problem.space.start if k == 0 else random_start(problem.space, random)
         try:
             fits.append(fitting.fit_from(problem, start, loss, iterations))
         except fitting.FitFailure as error:

@@ -1,9 +1,10 @@
-"""Effects that residuals show and the model lacks: friction, offsets, delays, gains.
+"""Effects that residuals show and the model lacks: friction, backlash, offsets, delays, gains.
 
-Each effect is a signal that is added to an input or to an output, so that its change of the outputs
-is computed without a new arm. The test is the score test with the correlation of residuals over
-time (Breusch and Pagan, Review of Economic Studies 47 (1980) 239; Newey and West, Econometrica 55
-(1987) 703): the part of the change that no estimate can reproduce is compared with the residuals.
+Each effect but backlash is a signal that is added to an input or to an output, so that its change
+of the outputs is computed without a new arm. The test is the score test with the correlation of
+residuals over time (Breusch and Pagan, Review of Economic Studies 47 (1980) 239; Newey and West,
+Econometrica 55 (1987) 703): the part of the change that no estimate can reproduce is compared with
+the residuals.
 """
 
 from __future__ import annotations
@@ -12,24 +13,31 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexarm.identification.fitting import Fit, FitProblem
+from flexarm.arm.arm import Arm
+from flexarm.identification.fitting import Fit, FitFailure, FitProblem
 from flexarm.identification.prediction import PredictedRun
 from flexarm.identification.record import MEASURED, check_label
+from flexarm.identification.result import SIGNIFICANT
 from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Case, in_words
-from flexarm.identification.statistics import Column, coloured_information
+from flexarm.identification.space import Case, in_words, with_joint
+from flexarm.identification.statistics import Column, coloured_information, whiteness
 from flexarm.integrate.base import FloatArray
+from flexarm.model import Friction, Joint
 
 #: Size of added inputs, as a fraction of the largest input.
 _SIZE = 0.01
 #: Least deviations by which an effect differs from zero, least share of the squared residuals that
 #: it explains, and least part of its change that no estimate reproduces.
-_DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-4
+_DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-6
 #: Blocks of the records, and least deviations by their scatter (95 % of t for eight of them).
 _BLOCKS, _CONSISTENT = 8, 2.36
-#: Most effects that are named.
-_MOST = 3
+#: Most effects that are named, and steps to the estimates of a model that has them.
+_MOST, _STEPS = 3, 2
+#: For a rigid joint with backlash: vibration of its gear relative to the rate of the record, part
+#: of the critical damping, and part of the hub's inertia that is the motor's if none is given.
+_GEAR, _DAMPED, _MOTOR = 0.25, 0.5, 0.4
 
 
 class Effect(NamedTuple):
@@ -146,6 +154,58 @@ def _test(
     return explained**2 / total, direction
 
 
+def information_of(
+    problem: FitProblem, fit: Fit
+) -> tuple[list[Column], FloatArray, NDArray[np.bool_]]:
+    """Return weighted residuals with derivatives, inverse variances of priors, physical slots."""
+    # The columns are those of all channels of all records; slots of initial states are not
+    # physical.
+    columns = []
+    derivatives = problem.derivatives(fit.vector)
+    for k, (run, outputs, slope) in enumerate(
+        zip(problem.runs, fit.outputs, derivatives, strict=True)
+    ):
+        places = problem.space.acting_on(k)
+        whitened = problem.whitened(k, run.measured - outputs)
+        slopes = problem.whitened(k, -slope)
+        for c in range(len(run.labels)):
+            good = run.valid[:, c]
+            own = np.zeros((run.times.size, fit.vector.size))
+            own[:, places] = slopes[:, c]
+            residuals = whitened[:, c]
+            columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None], good, k))
+    slots = problem.space.slots
+    priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
+    return columns, priors, np.array([not slot.initial for slot in slots], dtype=bool)
+
+
+def with_effects(problem: FitProblem, start: FloatArray, paths: Sequence[str]) -> FloatArray:
+    """Return the estimates (parameters,) of a model with effects, a few steps from a start.
+
+    The start, if it cannot be simulated.
+    """
+    vector, scale = start, problem.space.scale
+    try:
+        for _ in range(_STEPS):
+            outputs = problem.outputs(vector)
+            if outputs is None:
+                break
+            trial = problem.fit(vector, outputs, False)
+            columns, priors, _ = information_of(problem, trial)
+            every = {each.path: each.columns for each in _candidates(problem, trial)}
+            effects = np.stack([np.concatenate(every[path]) for path in paths], axis=1)
+            slopes = np.concatenate([column.derivatives for column in columns])
+            rows = np.hstack([slopes * scale, effects / np.linalg.norm(effects, axis=0)])
+            held = np.pad(-np.diag(np.sqrt(priors) * scale), ((0, 0), (0, len(paths))))
+            expected = np.array([slot.prior for slot in problem.space.slots])
+            residuals = [*(c.residuals for c in columns), np.sqrt(priors) * (expected - vector)]
+            step = np.linalg.lstsq(np.vstack([rows, held]), -np.concatenate(residuals))[0]
+            vector = np.clip(vector + scale * step[: scale.size], *problem.space.bounds)
+    except (FitFailure, KeyError):  # KeyError: an effect cannot be simulated there
+        pass
+    return vector
+
+
 def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
     """Return the effects to test, with their changes in all records."""
     zeros = [np.zeros(run.measured.shape) for run in problem.runs]
@@ -155,13 +215,16 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
         case = problem.space.case(k, fit.vector)
         effects = _of_outputs(run, case, outputs)
         if run.record.driven and run.record.input != "none":
-            effects |= _of_inputs(run, case, outputs)
+            coarse, rates = run.coarse(), run.coarse().rates(case)
+            if not isinstance(rates, str):
+                effects |= _of_inputs(coarse, case, rates)
+                effects |= _of_gears(coarse, case, rates, outputs)
         # A channel without residuals, such as one that is always zero, has no noise to compare.
         tested = run.valid & np.any((run.measured != outputs) & run.valid, axis=0)
-        for path, (change, unit) in effects.items():
+        for path, change in effects.items():
             columns_of_effect = changes.setdefault(path, list(zeros))
             columns_of_effect[k] = problem.whitened(k, np.where(tested, change, 0.0))
-            units[path] = unit
+            units[path] = _unit(path, MEASURED[run.record.input].unit if run.record.driven else "")
     return [
         _Candidate(path, units[path], [column for columns in every for column in columns.T])
         for path, every in changes.items()
@@ -169,17 +232,22 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
     ]
 
 
-def _of_inputs(
-    run: RecordRun, case: Case, outputs: FloatArray
-) -> dict[str, tuple[FloatArray, str]]:
+def _unit(path: str, of_input: str) -> str:
+    """Return the unit of the size of an effect, with the unit of the input; empty without one."""
+    kind, _, text = path.partition(".")
+    if path.startswith("joints["):
+        return "rad" if path.endswith("backlash") else of_input
+    if kind in ("delays", "gains"):
+        return "s" if kind == "delays" else ""
+    unit = MEASURED[check_label("path", text).channel].unit.replace("1", "")
+    return f"{unit}/s" if kind == "drifts" else unit
+
+
+def _of_inputs(run: RecordRun, case: Case, rates: FloatArray) -> dict[str, FloatArray]:
     """Return changes of the outputs by friction and errors of the input."""
-    joints, unit = run.samples.shape[1], MEASURED[run.record.input].unit
-    rates = run.rates(case)
-    if isinstance(rates, str):
-        return {}
+    joints = run.samples.shape[1]
     middle = 0.5 * (rates + np.vstack([rates[1:], rates[-1:]]))  # of each sample of the input
     signals: dict[str, FloatArray] = {}
-    effects: dict[str, tuple[FloatArray, str]] = {}
     for k, (number, index) in enumerate(zip(run.joint_numbers, run.joint_places, strict=True)):
         axis = np.eye(joints)[k]
         signals[f"joints[{index}].friction.coulomb"] = -np.sign(middle) * axis
@@ -188,25 +256,76 @@ def _of_inputs(
     signals[f"delays.{run.record.input}"] = -np.gradient(run.samples, axis=0) * run.record.rate
     size = _SIZE * np.abs(run.samples).max()
     sizes = [size / (np.abs(signal).max() or 1.0) for signal in signals.values()]
-    changed = run.disturbed(case, [s * f for s, f in zip(signals.values(), sizes, strict=True)])
-    for path, factor, values in zip(signals, sizes, changed, strict=True):
-        if factor and not isinstance(values, str):
-            own = {"delays": "s", "gains": ""}.get(path.split(".")[0], unit)
-            effects[path] = (values - outputs) / factor, own
-    return effects
+    added = [s * f for s, f in zip(signals.values(), sizes, strict=True)]
+    changed = run.disturbed(case, [*added, *(-signal for signal in added)])
+    ends = zip(changed[: len(added)], changed[len(added) :], strict=True)
+    return {
+        path: (after - before) / (2.0 * factor)
+        for path, factor, (after, before) in zip(signals, sizes, ends, strict=True)
+        if factor and not (isinstance(after, str) or isinstance(before, str))
+    }
 
 
-def _of_outputs(
-    run: RecordRun, case: Case, outputs: FloatArray
-) -> dict[str, tuple[FloatArray, str]]:
-    """Return changes of the outputs by offsets, drifts, gains and delays of themselves."""
+def _of_gears(
+    run: RecordRun, case: Case, rates: FloatArray, outputs: FloatArray
+) -> dict[str, FloatArray]:
+    """Return changes of the outputs by backlash of joints that have none; none if they are white.
+
+    The motor needs time to cross the gap, so that the effect is not proportional to it. The gap
+    that is simulated is the part of the angle's range that the worst residuals are of theirs.
+    """
+    residuals = np.where(run.valid, run.measured - outputs, 0.0)
+    columns = [(r, y, good) for r, y, good in zip(residuals.T, outputs.T, run.valid.T, strict=True)]
+    if not any(whiteness(r, good) <= SIGNIFICANT for r, _, good in columns):
+        return {}
+    left = max(np.std(r[good]) / (np.ptp(y[good]) or np.inf) for r, y, good in columns)
+    sizes = left * np.ptp(np.cumsum(rates, axis=0), axis=0) / run.record.rate
     effects = {}
-    for path, change in run.reading_errors(case, outputs).items():
-        kind, _, text = path.partition(".")
-        label = check_label("path", text)
-        unit = MEASURED[label.channel].unit.replace("1", "")
-        effects[path] = change, {"delays": "s", "gains": ""}.get(kind, unit)
-        if kind == "offsets":
-            slow = run.times[:, None] - run.times.mean()
-            effects[f"drifts.{text}"] = change * slow, f"{unit}/s"
+    for k, (number, index) in enumerate(zip(run.joint_numbers, run.joint_places, strict=True)):
+        joint = case.spec.joints[index]
+        geared = joint if joint.elastic else _with_gear(joint, run.record.rate)
+        size, led = float(sizes[k]), number in run.record.settings.prescribed
+        if geared is None or joint.kind != "revolute" or joint.backlash or led or not size:
+            continue
+        start = case
+        if not joint.elastic:  # the twist is a further coordinate
+            place = Arm(case.spec).joint_index[k] + 1
+            start = case._replace(
+                q=np.insert(case.q, place, 0.0), qd=np.insert(case.qd, place, 0.0)
+            )
+        specs = [with_joint(case.spec, index, geared.replace(backlash=gap)) for gap in (0.0, size)]
+        before, after = run.simulate([start._replace(spec=spec) for spec in specs])
+        if not (isinstance(before, str) or isinstance(after, str)):
+            effects[f"joints[{index}].backlash"] = (after - before) / size
     return effects
+
+
+def _with_gear(joint: Joint, rate: float) -> Joint | None:
+    """Return a rigid joint with a gear as stiff as a record of a rate (Hz) shows; or None."""
+    motor = joint.rotor_inertia * joint.gear_ratio**2
+    hub = joint.hub_inertia * (1.0 if motor else 1.0 - _MOTOR)
+    motor = motor or _MOTOR * joint.hub_inertia
+    if not motor or joint.stiffness:
+        return None
+    moved = motor * hub / (motor + hub) if hub else motor
+    rapid = 2.0 * np.pi * _GEAR * rate
+    friction = joint.friction or Friction(coulomb=0.0)
+    negative = friction.viscous if friction.viscous_negative is None else friction.viscous_negative
+    return joint.replace(
+        hub_inertia=hub,
+        rotor_inertia=motor / joint.gear_ratio**2,
+        stiffness=moved * rapid**2,
+        damping=2.0 * _DAMPED * moved * rapid,
+        friction=friction.replace(
+            viscous=friction.viscous + joint.damping, viscous_negative=negative + joint.damping
+        ),
+    )
+
+
+def _of_outputs(run: RecordRun, case: Case, outputs: FloatArray) -> dict[str, FloatArray]:
+    """Return changes of the outputs by offsets, drifts, gains and delays of themselves."""
+    effects = run.reading_errors(case, outputs)
+    slow = run.times[:, None] - run.times.mean()
+    offsets = {path: change for path, change in effects.items() if path.startswith("offsets.")}
+    drifts = {p.replace("offsets", "drifts"): change * slow for p, change in offsets.items()}
+    return effects | drifts

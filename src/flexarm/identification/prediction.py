@@ -95,6 +95,10 @@ class PredictedRun(RecordRun):
         """Whether ``sensitivities`` supports the run: never, because of the corrections."""
         return False
 
+    def coarse(self) -> PredictedRun:
+        """Return the run itself: a filter has no tolerances."""
+        return self
+
     def _move(self, column: int, delay: float) -> None:
         """Move the samples of a channel to the times of their motion."""
         if delay == 0.0:
@@ -352,7 +356,7 @@ class PredictionProblem(FitProblem):
     def _take(self, gains: Sequence[_Gains]) -> None:
         for run, own in zip(self.runs, gains, strict=True):
             run.gains = own
-        self._last = None  # the derivatives depend on the gains
+        self._last = self._kept = None  # outputs and derivatives depend on the gains
 
 
 #: Range of estimated intensities, as factors on their scales, and their relative step for slopes.

@@ -276,8 +276,8 @@ def _at_bounds(parameters: xr.Dataset) -> list[str]:
         bound = f"{number_of(parameters, name, 'estimate'):.4g}"
         sentences.append(
             f"The estimate of the {words} is at its bound, {bound}: "
-            "the data prefer a value beyond it. Widen the bound, or look for an effect that acts "
-            "in the same way."
+            "the data prefer a value beyond it, and its interval is not reliable. Widen the bound, "
+            "or look for an effect that acts in the same way."
         )
     return sentences
 

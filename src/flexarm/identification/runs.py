@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.closed import assembled
@@ -28,7 +31,14 @@ from flexarm.identification.record import (
     treated,
     without_phase,
 )
-from flexarm.identification.space import Case, Space, leading_joints, start_angles
+from flexarm.identification.space import (
+    Case,
+    Space,
+    initial_argument,
+    leading_joints,
+    of_records,
+    start_angles,
+)
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium, modes
 from flexarm.model.arm.mechanism import place_faults
@@ -36,6 +46,7 @@ from flexarm.simulation.batch.run import simulate_batch
 from flexarm.simulation.calls.inertial import inertial_channels
 from flexarm.simulation.calls.preparation import integrator_of
 from flexarm.simulation.calls.run import simulate
+from flexarm.simulation.derivatives.sensitivities import sensitivities
 from flexarm.simulation.histories.loads import PrescribedAngle
 from flexarm.simulation.histories.piecewise import PiecewiseCubic, sampled_torque
 
@@ -46,6 +57,8 @@ _ASTRAY = 10.0 * np.pi
 #: Evaluations of the dynamics times coordinates of a fit, about ten seconds; and runs of a fit for
 #: each free number.
 _LONG, _RUNS = 3e7, 10.0
+#: Relative tolerance of coarse runs.
+COARSE = 1e-4
 
 
 class RecordRun:
@@ -129,7 +142,7 @@ class RecordRun:
         return common | state | {"torque": self._torque(case)}
 
     def beginning(self, most: int, least: int) -> RecordRun | None:
-        """Return the run of the first quarter of a record, of at most some samples.
+        """Return the coarse run of the first quarter of a record, of at most some samples.
 
         None if it has fewer than ``least``, or the record has a controller.
         """
@@ -137,9 +150,15 @@ class RecordRun:
         if samples < least or record.controller is not None:
             return None
         data = record.data.isel(time=slice(0, samples))
-        return type(self)(
-            self.name, MeasuredRecord(data, record.settings), self._arm, self._options
-        )
+        part = MeasuredRecord(data, record.settings)
+        return type(self)(self.name, part, self._arm, self._options).coarse()
+
+    def coarse(self) -> RecordRun:
+        """Return the run with larger tolerances, whose errors are far below those of readings."""
+        run = copy(self)
+        if self._options.get("step") is None and self._options.get("integrator") != "rk4":
+            run._options = {**self._options, "rtol": max(self._options.get("rtol") or 0.0, COARSE)}
+        return run
 
     def _history(self, samples: FloatArray, late: float = 0.0) -> PiecewiseCubic:
         """Return inputs (samples, joints) over time, after their delay and ``late`` (s)."""
@@ -370,3 +389,154 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
                 hint = 'Give time_unit="ms", or "s" if they are right.'
                 raise InputError(Problem("time", text, hint=hint))
             warn_caller(text, FlexarmWarning)
+
+
+#: Step of central differences, as a fraction of the scale of a parameter: the error of the
+#: difference, which grows with its square, stays below that of the runs divided by it.
+_STEP = 1e-4
+#: Fewest numbers by which ``sensitivities`` is faster than differences in a closed loop.
+_FEWEST_IN_LOOP = 3
+#: Numbers that determine the torque of a current or voltage.
+_OF_MOTORS = re.compile(r"motors\.|joints\[\d+\]\.(winding|gear_ratio)")
+#: Numbers of the arm that only outputs depend on.
+_OF_OUTPUTS = re.compile(r"links\[\d+\]\.gauges\[")
+_DISTANCE = re.compile(r"links\[(\d+)\]\.gauges\[(\d+)\]\.distance")
+_REFUSED = re.compile(r"parameters\[(\d+)\]")
+
+
+def output_derivatives(
+    run: RecordRun, space: Space, record: int, vector: FloatArray, places: NDArray[np.intp]
+) -> FloatArray | str:
+    """Return derivatives (samples, channels, places), or the reason why the run fails.
+
+    They are those of ``sensitivities`` where it supports the run and the number, else central
+    differences. ``record`` is its index in ``space``; ``places`` are indices in ``vector``.
+    """
+    derivatives = np.zeros((run.times.size, len(run.labels), len(places)))
+    paths = [space.slots[place].path for place in places]
+    try:
+        exact = _by_duals(run, space.case(record, vector), paths, derivatives)
+    except FlexarmError as error:
+        return str(error)
+    others = [k for k in range(len(places)) if k not in exact]
+    if not others:
+        return derivatives
+    return _by_differences(run, space, record, vector, places, others, derivatives)
+
+
+def _exact_places(run: RecordRun, paths: Sequence[str]) -> list[int]:
+    """Return the indices of the paths by which ``sensitivities`` may differentiate."""
+    few = run.record.controller is not None and len(paths) < _FEWEST_IN_LOOP
+    if few or not run.differentiable:
+        return []
+    driven = run.record.input in ("current", "voltage")
+    return [
+        k
+        for k, path in enumerate(paths)
+        if not (driven and _OF_MOTORS.match(path))
+        and not _OF_OUTPUTS.match(path)
+        and not of_records(path)
+    ]
+
+
+def _by_duals(
+    run: RecordRun, case: Case, paths: Sequence[str], derivatives: FloatArray
+) -> list[int]:
+    """Fill the derivatives that ``sensitivities`` supports; return their indices in ``paths``."""
+    exact = _exact_places(run, paths)
+    while exact:
+        try:
+            with without_warnings():
+                # Without a second run: derivatives better than the runs are not needed.
+                dual = sensitivities(
+                    Arm(case.spec),
+                    parameters=[initial_argument(paths[k]) or paths[k] for k in exact],
+                    error_estimate=False,
+                    progress=False,
+                    channels=run.channels,
+                    **run.arguments(case),
+                )
+        except InputError as error:
+            refused = [_REFUSED.match(problem.name) for problem in error.problems]
+            wrong = {int(match[1]) for match in refused if match}
+            if not wrong:
+                if run.record.controller is None:
+                    raise
+                return []  # a loop that is not differentiable, such as one that rounds
+            exact = [k for j, k in enumerate(exact) if j not in wrong]
+            continue
+        channels = {name: np.moveaxis(dual[name].values, 0, -1) for name in run.channels}
+        derivatives[..., exact] = run.changes(channels, case)
+        return exact
+    return []
+
+
+def _by_differences(
+    run: RecordRun,
+    space: Space,
+    record: int,
+    vector: FloatArray,
+    places: NDArray[np.intp],
+    chosen: Sequence[int],
+    derivatives: FloatArray,
+) -> FloatArray | str:
+    """Fill the derivatives by central differences, or return why the run at ``vector`` fails."""
+    # They are one-sided at a bound, or where one of both runs fails, and zero where both fail, so
+    # that no step goes in that direction.
+    lower, upper = space.bounds
+    cases: list[Case] = [space.case(record, vector)]
+    steps: list[tuple[int, float]] = []
+    readings = {k: _column_of(run, space.slots[places[k]].path) for k in chosen}
+    errors = run.reading_errors(cases[0], run.measured)  # their paths
+    for k in chosen:
+        place = places[k]
+        proportional = readings[k] is not None and vector[place] != 0.0
+        if proportional or space.slots[place].path in errors:
+            continue
+        for sign in (1.0, -1.0):
+            moved = vector.copy()
+            moved[place] += sign * _STEP * space.scale[place]
+            moved[place] = min(max(moved[place], lower[place]), upper[place])
+            change = moved[place] - vector[place]
+            if change == 0.0:
+                continue
+            try:
+                cases.append(space.case(record, moved))
+            except InputError:  # a limit of several numbers together
+                continue
+            steps.append((k, change))
+    center, *others = run.simulate(cases)
+    if isinstance(center, str):
+        return center
+    errors = run.reading_errors(cases[0], center)
+    for k in chosen:
+        if space.slots[places[k]].path in errors:
+            derivatives[..., k] = errors[space.slots[places[k]].path]
+            continue
+        column, value = readings[k], vector[places[k]]
+        if column is not None and value != 0.0:
+            # A strain without its offset is proportional to the distance of its gauge.
+            clean = errors[f"gains.{run.labels[column].text}"][:, column]
+            gain = cases[0].errors.get(f"gains.{run.labels[column].text}", 1.0)
+            derivatives[:, column, k] = gain * clean / value
+            continue
+        ends = [
+            (change, outputs)
+            for (j, change), outputs in zip(steps, others, strict=True)
+            if j == k and not isinstance(outputs, str)
+        ]
+        if len(ends) == 1:
+            ends.append((0.0, center))
+        if ends:
+            (high, after), (low, before) = ends
+            derivatives[..., k] = (after - before) / (high - low)
+    return derivatives
+
+
+def _column_of(run: RecordRun, path: str) -> int | None:
+    """Return the index of the output that is proportional to the number at a path, or None."""
+    match = _DISTANCE.fullmatch(path)
+    if match is None or not run.proportional:
+        return None
+    text = f"strain_{run.gauge_number(int(match[1]), int(match[2]))}"
+    return next((k for k, label in enumerate(run.labels) if label.text == text), None)

@@ -17,7 +17,7 @@ from flexarm.base.errors import InputError, Problem, nearest, problems_of, raise
 from flexarm.control.design.arm_scales import size_of_zero, typical_rate
 from flexarm.identification.record import Label, MeasuredRecord, columns_of, place_of
 from flexarm.integrate.base import FloatArray
-from flexarm.model import ArmSpec, Motors
+from flexarm.model import ArmSpec, Joint, Motors
 from flexarm.model.identification import FreeParameter
 from flexarm.model.paths import number_at, parts_of, with_number
 
@@ -190,6 +190,33 @@ class Space:
             else:
                 spec = with_number(spec, slot.path, value)
         return Case(spec, motors, state["q"], state["qd"], errors)
+
+
+def random_start(space: Space, random: np.random.Generator) -> FloatArray:
+    """Draw a start: between finite bounds, else by a factor of e^0.4 about a positive value."""
+    vector = space.start
+    lower, upper = space.bounds
+    for k, slot in enumerate(space.slots):
+        if slot.initial:
+            continue
+        if np.isfinite(lower[k]) and np.isfinite(upper[k]):
+            if lower[k] > 0.0:
+                vector[k] = np.exp(random.uniform(np.log(lower[k]), np.log(upper[k])))
+            else:
+                vector[k] = random.uniform(lower[k], upper[k])
+        elif vector[k] > 0.0:
+            vector[k] *= np.exp(0.4 * random.standard_normal())
+        else:
+            vector[k] += 0.4 * slot.scale * random.standard_normal()
+        vector[k] = min(max(vector[k], lower[k]), upper[k])
+    return vector
+
+
+def with_joint(spec: ArmSpec, index: int, joint: Joint) -> ArmSpec:
+    """Return an arm with another joint at an index."""
+    joints = list(spec.joints)
+    joints[index] = joint
+    return spec.replace(joints=joints)
 
 
 def of_records(path: str) -> bool:

@@ -230,10 +230,10 @@ def size_of_zero(arm: Arm, record: Record, path: str, rate: float | None = None)
     """Return a change of a number of a record that is large on an arm, from the number's unit.
 
     ``rate`` is the scale of frequencies; by default the lowest one with locked joints. A rigid arm
-    has none, but is linear in numbers with a time, such as damping.
+    has none, but is linear in numbers with a time, such as damping; within backlash it is zero.
     """
     lowest = lowest_frequency(arm) if rate is None else rate
-    scales = arm_scales(arm, lowest if np.isfinite(lowest) else 1.0)
+    scales = arm_scales(arm, lowest if 0.0 < lowest < np.inf else 1.0)
     return _OF_ZERO * scales.size(unit_at(record, path))
 
 
