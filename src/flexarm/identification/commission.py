@@ -78,8 +78,8 @@ from flexarm.simulation.run.settings import DEFAULTS, MethodSettings, replaced
 
 #: Part of each record that is fitted; the rest of it judges the stages.
 _FITTED = 0.7
-#: Most evaluations of the fit of a stage.
-_EVALUATIONS = 12
+#: Relative tolerance of the runs of stages, and most evaluations of one.
+_ROUGH, _EVALUATIONS = 1e-4, 12
 #: Least decrease of the RMS, as a fraction, that keeps a stage, and fit (%) that leaves nothing.
 _GAIN, _PERFECT = 0.01, 99.9
 #: Most rounds in which effects that residuals show join the model.
@@ -160,8 +160,8 @@ def commission(
     parameters = check_free(free, least=0)
     prepared_fit(arm, fitted, parameters, unseen, *common)  # raises errors before the stages
     shown = progress or (progress is None and sys.stderr.isatty())
-    given = {k: v for k, v in (options | {"contacts": contacts}).items() if v}
-    work = _Commissioning(arm, fitted, motors, given, shown)
+    rough = {**options, "rtol": max(rtol, _ROUGH), "contacts": contacts}
+    work = _Commissioning(arm, fitted, motors, {k: v for k, v in rough.items() if v}, shown)
     with without_warnings():
         work.go_through(parameters)
         case, every = work.case, list(work.free.values())
@@ -254,8 +254,7 @@ class _Commissioning:
         return with_columns(record, columns, settings)
 
     def _runs(self, records: Mapping[str, MeasuredRecord]) -> list[RecordRun]:
-        runs = [RecordRun(name, r, self._arm, self._options) for name, r in records.items()]
-        return [run.coarse() for run in runs]
+        return [RecordRun(name, r, self._arm, self._options) for name, r in records.items()]
 
     def _score(self, case: Case, following: bool = False) -> _Score:
         """Return RMS and fit on the parts that are not fitted; empty if a run fails."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -51,16 +50,13 @@ class FitProblem:
         known: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self.space, self.runs, self._watch = space, runs, watch
-        self._coarse = [run.coarse() for run in runs]
-        #: Whether ``outputs`` and ``derivatives`` come from coarse runs.
-        self.coarse = self.coarse_slopes = False
         self.noise: dict[str, float] = {}
         self._signals: dict[str, float] = {}  # largest magnitudes
         self.fixed: set[str] = set(known)
         self.failure = ""
         self.evaluations = 0
         self._last: tuple[FloatArray, list[FloatArray]] | None = None
-        self._kept: tuple[tuple[bool, bytes], list[FloatArray]] | None = None
+        self._kept: tuple[bytes, list[FloatArray]] | None = None
         for run in runs:
             given = run.record.settings.noise
             for k, label in enumerate(run.labels):
@@ -84,23 +80,13 @@ class FitProblem:
         self._priors = [k for k, slot in slots if np.isfinite(slot.prior_deviation)]
 
     def beginning(self) -> FitProblem | None:
-        """Return the problem of coarse runs of the beginnings; None if the records are short."""
+        """Return the problem of the beginnings of all records; None if they are short."""
         try:
             runs = [run.beginning(*_BEGINNING) for run in self.runs]
         except InputError:  # a channel has no samples there
             return None
         short = [run for run in runs if run is not None]
         return FitProblem(self.space, short, self._watch) if len(short) == len(runs) else None
-
-    @contextmanager
-    def searching(self) -> Iterator[None]:
-        """Compute outputs and derivatives by coarse runs within a block."""
-        self.coarse = self.coarse_slopes = True
-        try:
-            yield
-        finally:
-            self.coarse = self.coarse_slopes = False
-            self._last = None
 
     def prepare(self, vector: FloatArray) -> None:
         """Return to the first guess of the noise, before a fit that starts at ``vector``."""
@@ -121,10 +107,10 @@ class FitProblem:
 
     def outputs(self, vector: FloatArray) -> list[FloatArray] | None:
         """Return the outputs of all records, kept, or None if a run fails."""
-        if self._kept is not None and self._kept[0] == (self.coarse, vector.tobytes()):
+        if self._kept is not None and self._kept[0] == vector.tobytes():
             return self._kept[1]
         simulated = []
-        for k, run in enumerate(self._coarse if self.coarse else self.runs):
+        for k, run in enumerate(self.runs):
             try:
                 case = self.space.case(k, vector)
             except InputError as error:
@@ -135,7 +121,7 @@ class FitProblem:
                 self.failure = f"{run.name}: {outputs}"
                 return None
             simulated.append(outputs)
-        self._kept = (self.coarse, vector.tobytes()), simulated
+        self._kept = vector.tobytes(), simulated
         return simulated
 
     def residuals(self, scaled: FloatArray) -> FloatArray:
@@ -187,7 +173,7 @@ class FitProblem:
         if self._last is not None and np.array_equal(self._last[0], vector):
             return self._last[1]
         every = []
-        for k, run in enumerate(self._coarse if self.coarse_slopes else self.runs):
+        for k, run in enumerate(self.runs):
             places = self.space.acting_on(k)
             slopes = output_derivatives(run, self.space, k, vector, places)
             if isinstance(slopes, str):
@@ -270,38 +256,34 @@ def fit_from(
     iterations: int,
     precision: float = _FINE,
 ) -> Fit:
-    """Fit from a vector of parameters, with the noise of the channels estimated in between.
-
-    Coarse runs lead near the minimum. Their derivatives lead to it: residuals without slope along
-    derivatives with a small relative error differ little from those of the minimum.
-    """
+    """Fit from a vector of parameters, with the noise of the channels estimated in between."""
     scaled, robust = problem.scaled(start), loss != "linear"
-    with problem.searching():
-        problem.evaluations = 0
-        problem.prepare(problem.vector(scaled))
-        outputs = problem.outputs(problem.vector(scaled))
-        if outputs is None:
-            raise FitFailure(problem.failure)
-        # A beginning costs less, and vibrations that are only a little too fast or too slow are
-        # still in phase there, so that it has fewer wrong minima.
-        early, left = problem.beginning(), iterations
-        if early is not None:
-            first, _, used = _minimum(early, scaled, loss, max(1, left // 2), COARSE)
-            left = max(1, left - used)
-            first_outputs = problem.outputs(problem.vector(first))
-            if first_outputs is not None:
-                scaled = first
-                outputs, _ = problem.tune(problem.vector(first), first_outputs, robust)
-        converged, change = True, 0.0
-        for attempt in range(_ROUNDS):
-            rough = precision if attempt else COARSE
-            scaled, converged, used = _minimum(problem, scaled, loss, left, rough)
-            left -= used
-            vector, problem.coarse = problem.vector(scaled), False
-            outputs, change = problem.tune(vector, problem.outputs(vector) or outputs, robust)
-            if (change < _SETTLED and rough == precision) or left < 1:
-                break
-        return problem.fit(problem.vector(scaled), outputs, converged and change < _SETTLED)
+    problem.evaluations = 0
+    problem.prepare(problem.vector(scaled))
+    outputs = problem.outputs(problem.vector(scaled))
+    if outputs is None:
+        raise FitFailure(problem.failure)
+    # A beginning costs less, and vibrations that are only a little too fast or too slow are still
+    # in phase there, so that it has fewer wrong minima.
+    early, left = problem.beginning(), iterations
+    if early is not None:
+        first, _, used = _minimum(early, scaled, loss, max(1, left // 2), COARSE)
+        left = max(1, left - used)
+        first_outputs = problem.outputs(problem.vector(first))
+        if first_outputs is not None:
+            scaled = first
+            outputs, _ = problem.tune(problem.vector(first), first_outputs, robust)
+    free = problem.noise.keys() - problem.fixed
+    converged, change = True, 0.0
+    for attempt in range(_ROUNDS):
+        rough = COARSE if free and attempt == 0 else precision
+        scaled, converged, used = _minimum(problem, scaled, loss, left, rough)
+        left -= used
+        vector = problem.vector(scaled)
+        outputs, change = problem.tune(vector, problem.outputs(vector) or outputs, robust)
+        if change < _SETTLED or left < 1:
+            break
+    return problem.fit(problem.vector(scaled), outputs, converged and change < _SETTLED)
 
 
 def _minimum(
@@ -362,8 +344,7 @@ def other_fits(
         problem.restore(best)
         start = problem.scaled(np.clip(best.vector + sign * direction, lower, upper))
         try:
-            with problem.searching():
-                scaled, converged, _ = _minimum(problem, start, loss, iterations, COARSE)
+            scaled, converged, _ = _minimum(problem, start, loss, iterations, COARSE)
             vector = problem.vector(scaled)
             outputs = problem.outputs(vector)
             if outputs is None:
@@ -427,7 +408,7 @@ def _pinned(problem: FitProblem, start: FloatArray, place: int, width: float) ->
     slots[place] = replace(slots[place], prior=start[place], prior_deviation=width)
     pinned = copy(problem)
     pinned.space = copy(problem.space)
-    pinned.space.slots, pinned.coarse_slopes = slots, True
+    pinned.space.slots = slots
     pinned.set_priors()
     scaled, converged = pinned.scaled(start), False
     try:

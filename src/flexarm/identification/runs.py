@@ -142,7 +142,7 @@ class RecordRun:
         return common | state | {"torque": self._torque(case)}
 
     def beginning(self, most: int, least: int) -> RecordRun | None:
-        """Return the coarse run of the first quarter of a record, of at most some samples.
+        """Return the run of the first quarter of a record, of at most some samples.
 
         None if it has fewer than ``least``, or the record has a controller.
         """
@@ -151,7 +151,7 @@ class RecordRun:
             return None
         data = record.data.isel(time=slice(0, samples))
         part = MeasuredRecord(data, record.settings)
-        return type(self)(self.name, part, self._arm, self._options).coarse()
+        return type(self)(self.name, part, self._arm, self._options)
 
     def coarse(self) -> RecordRun:
         """Return the run with larger tolerances, whose errors are far below those of readings."""

@@ -196,13 +196,17 @@ class MPC(MPCParameters, LQG):
             rows = np.vstack([rows, self._difference @ rows])
         rows = rows / self._limits[:, None]
         matrix = np.concatenate([rows, -rows])
-        floor = np.concatenate([low / self._limits, -high / self._limits])
-        later = np.concatenate([active[:, 1:], active[:, -1:]], axis=1)
-        least, found = least_distance(matrix, floor, later.ravel())
+        with np.errstate(invalid="ignore"):  # the first torque is arbitrary
+            floor = np.concatenate([low / self._limits, -high / self._limits])
+        later = np.concatenate([active[:, 1:], active[:, -1:]], axis=1).ravel()
+        finite, found = np.isfinite(floor), np.zeros(later.size, dtype=bool)
+        matrix, floor = matrix[finite], floor[finite]
+        least, found[finite] = least_distance(matrix, floor, later[finite])
         if least is None:
             return np.zeros(len(by_unknown)), np.inf, active
-        excess = np.nan_to_num(float(np.max(floor - matrix @ least)), nan=np.inf, posinf=np.inf)
-        return by_unknown @ least, excess, found.reshape(active.shape)
+        excess = float(np.max(floor - matrix @ least))
+        change = by_unknown @ least
+        return change, excess if np.isfinite(excess) else np.inf, found.reshape(active.shape)
 
     def _torque_by_unknown(self) -> FloatArray:
         """Return the torques of the horizon by unknowns whose sum of squares is the cost."""
@@ -243,8 +247,7 @@ def least_distance(
         if failed or not np.any(others):
             break
         tried = others
-    bounded = np.isfinite(scaled)
-    dual = np.vstack([rows[bounded].T, scaled[bounded] / size])
+    dual = np.vstack([rows.T, scaled / size])
     unit = np.zeros(len(dual))
     unit[-1] = 1.0
     try:
@@ -254,9 +257,7 @@ def least_distance(
     residual = dual @ weights - unit
     if residual[-1] == 0.0:
         return None, active
-    active = np.zeros(len(floor), dtype=bool)
-    active[bounded] = weights > 0.0
-    return -size * residual[:-1] / residual[-1], active
+    return -size * residual[:-1] / residual[-1], weights > 0.0
 
 
 def _lower(blocks: list[FloatArray]) -> FloatArray:

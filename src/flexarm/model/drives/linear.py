@@ -43,7 +43,7 @@ _Integral = Annotated[
 ]
 _NamedIntegral = Annotated[
     Annotated[Flag, Tag("<flag>")] | Annotated[Word, Tag("<word>")],
-    Discriminator(_flag_word_or_names),
+    Discriminator(lambda value: "<word>" if isinstance(value, str) else "<flag>"),
 ]
 # Beyond the upper bound rounding errors dominate a design.
 _Robustness = Annotated[Finite, Field(ge=0, le=1e6), BeforeValidator(plain)]

@@ -147,8 +147,8 @@ def simulate(
         ``events`` also ``event_time`` (s), ``event_name``, ``event_direction`` (1 rising, -1
         falling), ``event_q`` and ``event_qd`` over ``event``. The attribute ``ended_by`` is
         "duration", "failure" or the name of the event that ended the run. The attribute
-        ``accuracy`` (m) is absent if tolerances decide. If a second run verified it, the attribute
-        ``integration_error`` (m, at the tip) is its estimated error. With ``changes``
+        ``accuracy`` (m) is absent if tolerances decide. If a second run verified large tolerances,
+        the attribute ``integration_error`` (m, at the tip) is its estimated error. With ``changes``
         also ``change_time`` (s), ``change_path``, ``change_from``, ``change_to`` and
         ``change_energy`` (J, of the arm) over ``change``; the attribute ``arm`` describes the arm
         at the start.

@@ -54,12 +54,16 @@ _LEAST = 1e-8
 _EVALUATIONS = 2.0**1.5
 #: Decay over frequency, twice the damping ratio, of vibrations that hardly decay; and amplitude of
 #: one that begins suddenly, as a displacement of the tip over the reach. Without damping, joint
-#: forces after a step of the torque err by up to 0.7 of their largest value, with damping by 0.01.
+#: forces after a step of the torque err by up to 0.7 of their largest value, with damping by 0.03.
 _DECAY, _SUDDEN = 0.01, 1e-5
+#: Jump of the third derivative of a torque between two pieces, times the cube of their duration,
+#: over the largest torque: a tenth of that of a jump in samples, or of noise. That of functions is
+#: a thousandth of it, and of smooth motions at 20 samples a period a tenth.
+_ROUGH = 0.1
 #: Exponents of two of the least and the most attempted steps: a few milliseconds, and less than
 #: lanes make.
 _STEPS = 8, 17
-_REASON = "order 5 with bending implicit: a second run verifies it if errors may grow"
+_REASON = "order 5 with bending implicit: a second run verifies it if necessary"
 
 
 def run_accurately(run: Run, history_of: Callable[[float], PiecewiseCubic]) -> None:
@@ -158,10 +162,13 @@ def most_steps(fastest: float, duration: float, stops: int) -> int:
 def rings(
     settings: RunSettings, arm: Arm, system: System, history: PiecewiseCubic, state: FloatArray
 ) -> bool:
-    """Return whether vibrations that hardly decay begin suddenly, at the start or at a stop.
+    """Return whether vibrations that hardly decay begin suddenly, or samples of the torque jump.
 
-    Then long steps lose the fast ones. These hardly move the tip, and carry forces of joints.
+    Long steps lose fast vibrations, which hardly move the tip and carry forces of joints, and the
+    turns of a spline between samples.
     """
+    if settings.accuracy is None and _is_rough(history):
+        return True
     modes, stops = arm.assembly.constants.mode, system.drive.stops
     square = modes[..., W2]
     lasting = (square > 0.0) & (modes[..., MODE_DAMPING] < _DECAY * np.sqrt(square))
@@ -171,8 +178,18 @@ def rings(
         return True
     start = np.zeros(1)
     bend = accelerations_at(arm, system, start, state[None], history.at(start))[0, :, 1:]
-    size = np.abs(bend) / np.where(lasting, square, np.inf) / tip_units(arm)[0, :, 1:]
-    return bool(size.max() > _SUDDEN * reach_of(arm))
+    square = np.where(lasting, square, np.inf)
+    size = np.abs(bend) / square + np.abs(state[1, :, 1:]) / np.sqrt(square)
+    return bool((size / tip_units(arm)[0, :, 1:]).max() > _SUDDEN * reach_of(arm))
+
+
+def _is_rough(history: PiecewiseCubic) -> bool:
+    """Return whether third derivatives jump by much where steps do not end, as those of noise."""
+    width, cubic = np.diff(history.breaks), history.coefficients[:, 3]
+    jumps = np.abs(np.diff(cubic, axis=0)) * np.minimum(width[:-1], width[1:])[:, None] ** 3
+    jumps = jumps[~np.isin(history.breaks[1:-1], history.stops)]
+    largest = np.abs(history.coefficients[:, 0]).max(axis=0, initial=0.0)
+    return bool(np.any(jumps > _ROUGH * largest))
 
 
 def _succeeds(run: Run, history_of: Callable[[float], PiecewiseCubic], relative: float) -> bool:

@@ -253,18 +253,19 @@ def may_grow(
 ) -> bool:
     """Return whether a free joint turns far, or vibrations last, in samples (k, 2, n, 1 + m).
 
-    With ``large`` tolerances a quarter of the turn counts: steps of 0.1 rad err in the same sense.
+    With ``large`` tolerances a quarter of both counts: steps of 0.1 rad err in the same sense.
     """
     if len(samples) < 2:
         return False
     turns = np.abs(np.diff(samples[:, 0, :, 0], axis=0)).sum(axis=0)
-    if np.any(turns[constants.free > 0.0] > (0.25 if large else 1.0) * _FAR):
+    share = 0.25 if large else 1.0
+    if np.any(turns[constants.free > 0.0] > share * _FAR):
         return True
     if method != KennedyCarpenter5.name:
         return False
     bending = times[len(samples) - 1] * np.abs(samples[:, 1, :, 1:]).mean(axis=0)
     path = bending / unit[0, :, 1:] * unit[0, :, 0].min()
-    return bool(path.max(initial=0.0) > _LASTING)
+    return bool(path.max(initial=0.0) > share * _LASTING)
 
 
 def _compare_growth(run: Run, beginning: Beginning, request: float) -> None:
