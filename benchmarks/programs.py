@@ -13,7 +13,6 @@ from scipy.integrate import solve_ivp
 
 import flexarm as fa
 from benchmarks.work_precision import Entry, Outcome, Run, timed
-from flexarm.simulation.run.coarse import coarse_tolerance
 from flexarm.simulation.run.settings import RunSettings, tolerances_of
 
 #: Module that each program needs in addition to the dependencies of flexarm.
@@ -69,13 +68,8 @@ def flexarm(case: Case, basis: str, build: Callable[[], fa.Arm], truth: str, **h
     elif "rtol" in how:
         fixed = [tolerances(how["rtol"])]
     else:
-        arm = build()
-        relative, absolute, length = tolerances_of(RunSettings(), arm)
-        own = f"rtol {relative:.0e}, atol {absolute * length:.0e} m"
-        if (large := coarse_tolerance(RunSettings(), arm)) is not None:
-            first = f"rtol {large:.0e}, atol {1e-2 * large * length:.0e} m"
-            own = f"{first}, or {own} where errors grow"
-        fixed = [f"{DEFAULTS}: {own}"]
+        relative, absolute, length = tolerances_of(RunSettings(), build())
+        fixed = [f"{DEFAULTS}: rtol {relative:.0e}, atol {absolute * length:.0e} m"]
     specialized = ["for its size"] if how.get("specialized") else []
     return Entry("flexarm", ", ".join([name, basis, *fixed, *specialized]), truth, prepare)
 
