@@ -55,7 +55,7 @@ from flexarm.identification.record import (
     with_columns,
 )
 from flexarm.identification.result import LAST_PART, Identification, stage_rows
-from flexarm.identification.runs import RecordRun
+from flexarm.identification.runs import COARSE, RecordRun
 from flexarm.identification.space import (
     Case,
     Space,
@@ -78,8 +78,8 @@ from flexarm.simulation.run.settings import DEFAULTS, MethodSettings, replaced
 
 #: Part of each record that is fitted; the rest of it judges the stages.
 _FITTED = 0.7
-#: Relative tolerance of the runs of stages, and most evaluations of one.
-_ROUGH, _EVALUATIONS = 1e-4, 12
+#: Most evaluations of the fit of a stage.
+_EVALUATIONS = 12
 #: Least decrease of the RMS, as a fraction, that keeps a stage, and fit (%) that leaves nothing.
 _GAIN, _PERFECT = 0.01, 99.9
 #: Most rounds in which effects that residuals show join the model.
@@ -160,7 +160,7 @@ def commission(
     parameters = check_free(free, least=0)
     prepared_fit(arm, fitted, parameters, unseen, *common)  # raises errors before the stages
     shown = progress or (progress is None and sys.stderr.isatty())
-    rough = {**options, "rtol": max(rtol, _ROUGH), "contacts": contacts}
+    rough = {**options, "rtol": max(rtol, COARSE), "contacts": contacts}
     work = _Commissioning(arm, fitted, motors, {k: v for k, v in rough.items() if v}, shown)
     with without_warnings():
         work.go_through(parameters)

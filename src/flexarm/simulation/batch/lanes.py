@@ -49,8 +49,8 @@ from flexarm.simulation.run.coarse import (
     coarse_choice,
     coarse_errors,
     coarse_tolerance,
+    is_sudden,
     most_steps,
-    rings,
 )
 from flexarm.simulation.run.contacts import contact_frequency, contacts_of_run, refuse_deep_start
 from flexarm.simulation.run.impacts import (
@@ -400,7 +400,7 @@ class OpenLanes(Lanes):
             loads = replace(loads, placed=loads.placed._replace(contacts=placed))
             touch = contact_frequency(arm, placed)
         run = Ready(k, arm, state, loads, history, touch=touch, large=large)
-        if large is not None and rings(self._settings, arm, _system(run), history, state):
+        if large is not None and is_sudden(self._settings, arm, _system(run), history, state):
             return self._small(run, 0)
         return run
 
