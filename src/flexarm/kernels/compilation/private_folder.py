@@ -10,24 +10,25 @@ import stat
 import tempfile
 import time
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 from platformdirs import user_cache_dir
 
-#: Packages whose sources determine the machine code.
-_SOURCE_FOLDERS = ("kernels", "integrate")
+#: Packages whose sources determine the machine code, and the file that determines its kernels.
+_SOURCE_FOLDERS, _FEATURES = ("kernels", "integrate"), "cli/features.py"
 _PACKAGE = Path(__file__).resolve().parents[2]
 _UNUSED_CACHE_SECONDS = 60 * 24 * 3600
 
 
 @functools.cache
 def sources() -> str:
-    """Return a hash of all sources of kernels."""
+    """Return a hash of all sources of kernels, and of the calls for which a library has code."""
     digest = hashlib.sha256()
-    for folder in _SOURCE_FOLDERS:
-        for path in sorted((_PACKAGE / folder).rglob("*.py")):
-            digest.update(path.relative_to(_PACKAGE).as_posix().encode())
-            digest.update(path.read_bytes())
+    kernels = (sorted((_PACKAGE / folder).rglob("*.py")) for folder in _SOURCE_FOLDERS)
+    for path in (*chain.from_iterable(kernels), _PACKAGE / _FEATURES):
+        digest.update(path.relative_to(_PACKAGE).as_posix().encode())
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
