@@ -376,3 +376,22 @@ def test_other_runs_are_executed_one_at_a_time(other, executed):
     else:
         fa.simulate_batch(arm, 0.02, **own)
     assert executed == []
+
+
+def test_estimated_errors_of_runs_in_lanes(executed):
+    """They are those of single runs, and absent in runs that no second one verifies."""
+    rod = {
+        "flexural_rigidity": 40.0,
+        "mass_per_length": 0.5,
+        "damping": fa.ModalDamping(ratio=0.02),
+    }
+    arm = fa.Arm(
+        links=[fa.Link(length=1.0, elements=2, modes=2, **rod)], joints=[fa.Joint(hub_inertia=0.1)]
+    )
+    torques = [lambda t, size=size: [size * np.sin(6.0 * t)] for size in (0.05, 3.0, 5.0)]
+    batch = fa.simulate_batch(arm, 1.0, torque=torques, progress=False)
+    singles = [fa.simulate(arm, 1.0, torque=torque, progress=False) for torque in torques]
+    assert set(executed) == {0, 1, 2}
+    errors = [single.attrs.get("integration_error", np.nan) for single in singles]
+    assert np.isfinite(errors).tolist() == [False, True, True]
+    np.testing.assert_allclose(batch["integration_error"], errors, rtol=1e-12)

@@ -6,7 +6,7 @@ import pytest
 import flexarm as fa
 from arms import chain
 from flexarm.simulation.derivatives.gradient import Repetition
-from flexarm.simulation.histories.piecewise import Samples, sampled_torque
+from flexarm.simulation.histories.piecewise import Samples, sampled_torque, spline_edges
 
 pytestmark = pytest.mark.compiled
 #: Both add the same derivatives in another order.
@@ -81,11 +81,33 @@ def test_samples_are_collected_by_the_transpose_of_the_spline(kinks, held):
     history = sampled_torque(samples, rate, 29 / rate, 1, "cubic", np.array(kinks) / rate)
     history = history.held_to(29 / rate + held)
     assert history.stops.size == len(kinks) + (held > 0.0)
-    added = Samples(history, (30, 2), rate, "cubic").added(np.eye(30))
+    edges = spline_edges(samples, rate, np.array(kinks) / rate)
+    added = Samples(history, (30, 2), rate, "cubic", edges).added(np.eye(30))
     pieces = rng.normal(size=(len(history.coefficients), 4, 2)) / rate ** np.arange(4)[:, None]
-    found = Samples(history, (30, 2), rate, "cubic").collected(pieces)
+    found = Samples(history, (30, 2), rate, "cubic", edges).collected(pieces)
     wanted = np.tensordot(added, pieces, axes=([0, 1], [0, 1]))
     np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-13 * np.abs(wanted).max())
+
+
+def test_gradient_by_the_samples_of_a_pulse():
+    """Steps also end inside a pulse, where its spline has no edges."""
+    rod = {"flexural_rigidity": 50.0, "mass_per_length": 0.5, "elements": 1}
+    arm, rate, times = chain((1.0,), [0.1], **rod), 200.0, np.arange(201) / 200.0
+    pulse = np.maximum(np.cos(np.pi * np.clip((times - 0.5) / 0.04, -0.5, 0.5)), 0.0) ** 2
+    weights = {"tip": np.zeros((201, 2))}
+    weights["tip"][-1, 1] = 1.0
+    given = {"rate": rate, "rtol": 1e-10, "progress": False}
+    gradient = fa.goal_gradient(arm, 1.0, weights, torque=2.0 * pulse[:, None], **given).torque
+
+    def goal(place, change):
+        torque = 2.0 * pulse
+        torque[place] += change
+        result = fa.simulate(arm, 1.0, torque=torque[:, None], **given)
+        return float(result.tip[-1, 1])
+
+    for place in (95, 98, 100, 103):  # with the stops for edges, 98 and 100 erred by a third
+        by_difference = (goal(place, 0.01) - goal(place, -0.01)) / 0.02
+        assert gradient.values[place, 0] == pytest.approx(by_difference, rel=2e-3)
 
 
 def test_derivatives_in_memory_grow_with_the_square_root(monkeypatch):

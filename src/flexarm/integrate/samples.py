@@ -18,8 +18,14 @@ from flexarm.kernels.compilation.cache import apart, inner, merged
 from flexarm.kernels.layout import Array, Sizes
 
 #: Steps shorter than this fraction of a radian of the fastest mode are truncated steps, in which
-#: the motion is negligible.
-SHORT = 1e-3
+#: the motion is negligible; in steps longer than this angle, implicit methods lose vibrations.
+SHORT, _LONG = 1e-3, 10.0
+#: Largest value of x^2 (1 - x)^3, and effect of this term over the allowed error of a step above
+#: which it belongs to a vibration: that of a load which the step resolves is about that error.
+_FIFTH, _VIBRATES = 0.0346, 10.0
+#: Ratio of the terms of a vibration above which that of the rate belongs to it, too. A load has
+#: the inverse ratio, and a vibration half the angle by which it turns in the step.
+_LARGER = 4.0
 
 
 @inner
@@ -132,17 +138,22 @@ def rate_between(
 
 @apart
 def between_ends(
-    sizes: Sizes, fastest: float, state: Array, new: Array, ends: Array, x: float, h: float,
-    sample: Array,
+    sizes: Sizes, tolerance: Tolerance, damps: bool, state: Array, new: Array, ends: Array,
+    x: float, h: float, sample: Array,
 ) -> None:  # fmt: skip
     """Sample at x (0 to 1) of a step from the values and the first and last slopes of ``ends``.
 
-    ``fastest``: of the tolerance. Modes that the step does not resolve follow the load, and their
-    accelerations at both ends belong to it: without them, rates between ends of order 5 err up to
-    100 times as much, and kinetic energies up to 10,000 times.
+    Modes that the step does not resolve follow the load, and their accelerations at both ends
+    belong to it: without them, rates between ends of order 5 err up to 100 times as much, and
+    kinetic energies up to 10,000 times. Vibrations at the start of a long step that the method
+    ``damps`` are gone at its end. Their accelerations would move the samples by up to 10,000 times
+    their amplitude, and their rates by 100 times. Then the polynomial leaves out its term
+    x^2 (1 - x)^3, which meets the acceleration at the start, and, unless that is small beside it,
+    x (1 - x)^3, which meets the rate.
     """
     s = ends.shape[0] - 1
-    fine = h * fastest > SHORT
+    fine = h * tolerance.fastest > SHORT
+    loses = damps and h * tolerance.fastest > _LONG
     for i in range(len(sizes.bodies)):
         for j in range(1 + len(sizes.modes)):
             q0 = state[0, i, j]
@@ -153,18 +164,30 @@ def between_ends(
             a1 = ends[s, 1, i, j]
             sample[0, i, j] = coordinate_between(x, h, q0, v0, a0, q1, v1, a1)
             sample[1, i, j] = rate_between(x, h, q0, v0, a0, q1, v1, a1, fine)
+            if loses:
+                fifth = 6.0 * (q0 - q1) + h * (3.0 * (v0 + v1) + 0.5 * h * (a0 - a1))
+                size = max(abs(q0), abs(q1))
+                allowed = tolerance.absolute * tolerance.unit[0, i, j] + tolerance.relative * size
+                if _FIFTH * abs(fifth) > _VIBRATES * allowed:
+                    y = 1.0 - x
+                    sample[0, i, j] -= fifth * x * x * y * y * y
+                    sample[1, i, j] -= fifth * x * y * y * (2.0 * y - 3.0 * x) / h
+                    fourth = 3.0 * (q0 - q1) + h * (v0 + 2.0 * v1 - 0.5 * h * a1)
+                    if abs(fifth) > _LARGER * abs(fourth):
+                        sample[0, i, j] -= fourth * x * y * y * y
+                        sample[1, i, j] -= fourth * y * y * (y - 3.0 * x) / h
 
 
 @merged
 def samples_between(
     system: System, tolerance: Tolerance, memory: Memory, ends: Array, t: float, h: float,
-    t_new: float,
+    t_new: float, damps: bool,
 ) -> None:  # fmt: skip
     """Fill the samples inside a step of length h from t to ``t_new`` by ``between_ends``."""
     k = sample_before(memory, t_new)
     while k >= 0:
         between_ends(
-            system.sizes, tolerance.fastest, memory.state, memory.new, ends,
+            system.sizes, tolerance, damps, memory.state, memory.new, ends,
             (memory.sample_times[k] - t) / h, h, memory.samples[k],
         )  # fmt: skip
         k = sample_before(memory, t_new)

@@ -142,3 +142,17 @@ def test_tiny_jumps_of_the_torque_hardly_change_the_steps() -> None:
     turned = 0.5 * jump / 0.1 * (count * step) ** 2
     difference = np.abs(runs[0].q.values - runs[1].q.values).max()
     assert 0.0 < difference < turned
+
+
+@pytest.mark.parametrize("step", [5e-4, 2e-3])
+def test_a_boom_at_rest_under_gravity(step):
+    """Passes change the point by rounding errors alone, which are above the solved change."""
+    link = fa.Link(length=2.5, flexural_rigidity=2e6, mass_per_length=20.0, elements=5)
+    joints = [fa.Joint(hub_inertia=30.0)] * 2
+    arm = fa.Arm(links=[link, link], joints=joints, gravity=(0.0, -9.81))
+    rest = fa.equilibrium(arm, [0.3, -0.4])
+    run = {"torque": lambda t: rest.torque, "initial": rest.q, "progress": False}
+    result = fa.simulate(arm, 1.0, integrator="generalized_alpha", step=step, **run)
+    assert result.attrs["failure"] == ""
+    moved = np.abs(result.tip - result.tip[0]).max()
+    assert moved < 1e-9  # a boom of 5 m

@@ -169,6 +169,7 @@ def advance_additive(
     sizes = system.sizes
     controlled = bool(np.bool_(True))  # a typed constant, see ``step_ends``
     known = not controlled
+    damps = controlled  # vibrations that a step does not resolve
     stages, clock, counts = record.stages, memory.clock, memory.counts
     s = record.error.shape[1] - 1
     t = begin_call(sizes, memory)
@@ -198,7 +199,7 @@ def advance_additive(
             return status
         step_on(system.drive.loads.contacts)
         first = int(counts[SAMPLES])
-        samples_between(system, tolerance, memory, stages, t, h, t_new)
+        samples_between(system, tolerance, memory, stages, t, h, t_new, damps)
         for sample in range(first, int(counts[SAMPLES])):
             keep_sample(system, memory, memory.samples[sample], alone)
         next_step(system, memory, stages, s, t_new, h, lands, controlled, record.order, until)

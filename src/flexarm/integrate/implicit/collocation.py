@@ -197,6 +197,7 @@ def advance_collocation(
     from_left = bool(np.bool_(True))
     from_right = bool(np.bool_(False))
     stays = from_right  # joints do not stick
+    damps = from_right  # vibrations remain
     clock, counts, torque = memory.clock, memory.counts, memory.torque
     stages, earlier, ends = record.stages, record.earlier, record.ends
     count = stages.shape[0]
@@ -233,7 +234,7 @@ def advance_collocation(
             slope_at(system, t, from_right, memory.state, torque, ends, zero, stays)
             slope_at(system, t_new, from_left, memory.new, torque, ends, last, stays)
             counts[EVALUATIONS] += 2
-            samples_between(system, tolerance, memory, ends, t, h, t_new)
+            samples_between(system, tolerance, memory, ends, t, h, t_new, damps)
         end_step(sizes, memory, memory.new, t_new)
         for p in range(count):
             for i in range(len(sizes.bodies)):

@@ -32,11 +32,12 @@ from flexarm.kernels.compilation.numbers import real
 from flexarm.kernels.layout import ArmConstants, Array
 from flexarm.kernels.recursion.articulated_body import solve_implicit
 
-#: Number of passes after which a step has failed; two or three are usual.
-_PASSES = 50
+#: Number of passes after which a step has failed, and of those that are usual.
+_PASSES, _USUAL = 50, 3
 #: Allowed change by further passes, relative to the allowed error of a step. It is small because
-#: the remaining error has the same sign over thousands of steps.
-_SOLVED = 1e-3
+#: the remaining error has the same sign over thousands of steps; that of rounding has not, which
+#: is all that changes a point where passes that have come this close change it no less than before.
+_SOLVED, _ROUNDED = 1e-3, 0.1
 #: Smallest tolerance relative to the state, because of rounding errors.
 _ROUNDING = 1e-12
 #: A step does not resolve a mode whose phase changes by more than this angle (rad) in it.
@@ -162,6 +163,8 @@ def _solve(
         # Estimated change by all further passes, if they decrease at the present ratio.
         if norm == 0.0 or (trial > 0 and norm * norm <= _SOLVED * (before - norm)):
             return DONE
+        if trial > _USUAL and before <= norm <= _ROUNDED:
+            return DONE
     return NOT_CONVERGED
 
 
@@ -180,6 +183,7 @@ def advance_newmark(
     zero = int(np.int64(0))
     from_right = bool(np.bool_(False))
     stays = from_right  # joints do not stick
+    damps = from_right  # vibrations remain for some steps
     clock, counts, new = memory.clock, memory.counts, memory.new
     averaged, ends = record.averaged, record.ends
     share = _share(record)
@@ -217,7 +221,7 @@ def advance_newmark(
                 ends[0, 0, i, j] = memory.state[1, i, j]
                 ends[1, 0, i, j] = new[1, i, j]
                 ends[1, 1, i, j] = system.work.acceleration[i, j]
-        samples_between(system, tolerance, memory, ends, t, h, t_new)
+        samples_between(system, tolerance, memory, ends, t, h, t_new, damps)
         for i in range(len(sizes.bodies)):
             for j in range(1 + len(sizes.modes)):
                 rest = record.alpha_f * ends[0, 1, i, j] - record.alpha_m * averaged[i, j]

@@ -15,6 +15,7 @@ from flexarm.integrate.implicit.additive import drag_at, shift_forces, soften_fo
 from flexarm.integrate.lanes.contacts import begin_contacts, touch_lanes
 from flexarm.integrate.lanes.data import LaneDrive, LaneMemory, LaneRuns, StepControl
 from flexarm.integrate.lanes.steps import (
+    arm_of,
     begin_lanes,
     begin_steps,
     copy_packs,
@@ -89,7 +90,9 @@ def _implicit_stage(system: System, memory: LaneMemory, gamma: float, stage: int
 
 
 @apart
-def _samples_inside(sizes: Sizes, runs: LaneRuns, memory: LaneMemory) -> None:
+def _samples_inside(
+    sizes: Sizes, tolerance: Tolerance, runs: LaneRuns, memory: LaneMemory, damps: bool
+) -> None:
     """Fill the samples inside the accepted steps by ``between_ends``."""
     for lane in range(LANES):
         if memory.accepted.array[0, lane] == 0.0:
@@ -97,10 +100,12 @@ def _samples_inside(sizes: Sizes, runs: LaneRuns, memory: LaneMemory) -> None:
         k = memory.run[lane]
         h = memory.step.array[0, lane]
         due = runs.counts[k, SAMPLES]
+        unit = runs.unit[arm_of(runs, k)]
+        allowed = Tolerance(tolerance.absolute, tolerance.relative, unit, runs.fastest[k])
         while due < runs.sample_times.shape[0] and runs.sample_times[due] < memory.end[lane]:
             x = (runs.sample_times[due] - runs.clock[k, TIME]) / h
             between_ends(
-                sizes, runs.fastest[k], memory.state.array[:, :, :, lane],
+                sizes, allowed, damps, memory.state.array[:, :, :, lane],
                 memory.new.array[:, :, :, lane], memory.stages.array[:, :, :, :, lane], x, h,
                 runs.samples[k, due],
             )  # fmt: skip
@@ -126,6 +131,7 @@ def advance_additive_lanes(
     # Typed constants: with literals, the compiler would build each callee for every value.
     zero = int(np.int64(0))
     from_left = bool(np.bool_(True))
+    damps = from_left  # vibrations that a step does not resolve
     at_end = bool(np.bool_(True))
     s = method.control.error.shape[1] - 1
     gamma = method.implicit[1, 1]
@@ -158,5 +164,5 @@ def advance_additive_lanes(
         _slopes(system, memory, s)
         measure_steps(sizes, tolerance, method.control, memory)
         judge_steps(sizes, method.control, runs, memory)
-        _samples_inside(sizes, runs, memory)
+        _samples_inside(sizes, tolerance, runs, memory, damps)
         end_steps(sizes, method.control, runs, memory, max_steps)

@@ -32,8 +32,8 @@ from flexarm.simulation.batch.lanes import (
     OpenLanes,
     Ready,
     arms_of_runs,
+    factors_of,
     fits_lanes,
-    held_drive,
     lane_runs,
 )
 from flexarm.simulation.calls.compare import INCONSISTENT
@@ -44,7 +44,7 @@ from flexarm.simulation.calls.limits import (
     motor_warning,
 )
 from flexarm.simulation.calls.preparation import UNBOUNDED, start_of
-from flexarm.simulation.histories.loads import load_history
+from flexarm.simulation.histories.loads import LoadHistory, load_history
 from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
 from flexarm.simulation.loop.devices import Acting, Sensing, measured_names
 from flexarm.simulation.loop.stability import AnalysedLoop, Poles, Stability, stability
@@ -167,7 +167,7 @@ class LanePlants:
         runs = lane_runs(self._constants, state, fastest, until, np.zeros(0))
         runs.clock[:] = self._clock[places]
         runs.clock[:, TIME] = now * self._sample_time
-        drive = held_drive(count, 1, torque.shape[1], self._loads)
+        drive = _held_drive(count, 1, torque.shape[1], self._loads)
         drive.coefficients[:, 0] = torque[block.rows]
         self._stepper.advance(block.method, drive, runs, _MOST_STEPS)
         self.state[places], self._clock[places] = runs.state, runs.clock
@@ -364,7 +364,7 @@ class LaneLoop(ControlLoop):
         super().__init__(acting, loops[0].controller.sample_time)
         self._bodies = as_slice(arms[0].assembly.joint_body)
         bodies = arms[0].assembly.bodies
-        self._drive = held_drive(self._count, acting.pieces, bodies, group.ready[0].loads)
+        self._drive = _held_drive(self._count, acting.pieces, bodies, group.ready[0].loads)
         self._sensing = self._sensors()
         watches = {arm: RunawayWatch(arm) for arm in dict.fromkeys(arms)}
         self._watches = [watches[arm] for arm in arms]
@@ -522,3 +522,13 @@ class LaneLoop(ControlLoop):
 def _channel(arm: Arm, states: FloatArray, name: str) -> FloatArray:
     """Return a channel at states (k, 2, n, 1 + m)."""
     return arm.strains(states) if name == "strain" else channels_of(arm, states, [name])[name]
+
+
+def _held_drive(count: int, pieces: int, bodies: int, loads: LoadHistory) -> LaneDrive:
+    """Return a drive of runs with torques of their own, zero here, in a number of pieces."""
+    first, stops = pieces * np.arange(count), loads.factors.stops
+    places = np.zeros((count, 6), dtype=np.int64)
+    places[:, 1], places[:, 2], places[:, 3] = pieces + 1, first, first + pieces
+    places[:, 5] = stops.size
+    coefficients = np.zeros((count * pieces, 4, bodies))
+    return LaneDrive(np.arange(pieces + 1.0), coefficients, stops, places, **factors_of(loads))

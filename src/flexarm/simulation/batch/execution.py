@@ -47,6 +47,7 @@ from flexarm.simulation.run.coarse import run_accurately
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import relative_tolerance, replaced
 from flexarm.simulation.run.stepping import Run
+from flexarm.simulation.run.tolerance import reach_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -400,6 +401,8 @@ class OpenLoop:
         channels, limits = (
             {name: values[None] for name, values in part.items()} for part in (found, numbers)
         )
+        if run.error is not None:
+            limits["integration_error"] = np.array([run.error * reach_of(run.arm)])
         ended_by = FAILURE if failure else (log and log.ended_by) or DURATION
         reached = progress.time, ended_by, failure, run.integrator.name
         notices = [" ".join(text for text, _ in notices_of(run, texts, failure))]

@@ -72,7 +72,12 @@ from flexarm.simulation.run.integrator_choice import (
 from flexarm.simulation.run.settings import relative_tolerance, request_of, tolerances_of
 from flexarm.simulation.run.small_motion import small_motion
 from flexarm.simulation.run.stepping import system_of
-from flexarm.simulation.run.tolerance import absolute_tolerance, fastest_frequencies, tip_units
+from flexarm.simulation.run.tolerance import (
+    absolute_tolerance,
+    fastest_frequencies,
+    reach_of,
+    tip_units,
+)
 from flexarm.simulation.run.validity import axial_load
 from flexarm.simulation.run.work import Start, choose_by_work
 
@@ -87,9 +92,8 @@ _TORQUES = frozenset({"torque", "torque_command"})
 def fits_lanes(batch: Batch) -> bool:
     """Return whether lanes support the runs, as far as that is known before their start."""
     shared, settings = batch.shared, batch.shared.settings
-    if shared.events or shared.prescribed or shared.changes:
-        return False
-    if settings.specialized or settings.stations:
+    special = shared.events or shared.prescribed or shared.changes or settings.specialized
+    if special or settings.stations:
         return False
     unknown = BY_FORCES - BY_CONTACTS if shared.environment.contacts else BY_FORCES
     return all(map(arm_fits_lanes, batch.runs.arms)) and not unknown.intersection(batch.channels)
@@ -129,6 +133,7 @@ class Group:
     most_steps: int  # attempted ones of each run
     carried: Any = None  # what advanced them, for their channels and warnings
     inaccurate: list[int] = field(default_factory=list)  # places of runs with large tolerances
+    errors: dict[int, float] = field(default_factory=dict)  # m, of tips, by place
 
     def samples(self, place: int) -> FloatArray:
         """Return the samples (k, 2, n, 1 + m) of a run."""
@@ -333,15 +338,16 @@ class Lanes(ABC):
         """Return numbers of ``LIMITS`` (k, ...) and warnings of the runs at ``places`` (k,)."""
         pairs = zip([group.ready[place] for place in places], samples, strict=True)
         deep = [deep_contact(run.arm, run.loads.placed.contacts, row) for run, row in pairs]
-        return {}, [[text] for text in deep]
+        errors = [group.errors.get(place, np.nan) for place in places.tolist()]
+        numbers = {"integration_error": np.array(errors)} if group.errors else {}
+        return numbers, [[text] for text in deep]
 
     def _outcome(self, group: Group, places: NDArray[np.intp]) -> Outcome:
         """Return the outcome of some runs of one arm, whose channels are computed together."""
         counts, wanted = group.runs.counts, self._batch.channels
         # If the last sample time is a rounding error before the end, there is one sample less.
-        count = int(counts[places[0], SAMPLES])
+        count, own = int(counts[places[0], SAMPLES]), [group.ready[place] for place in places]
         times, samples = self._times[:count], group.runs.samples[places, :count]
-        own = [group.ready[place] for place in places]
         arm, shape = own[0].arm, samples.shape[:2]
         channels: dict[str, FloatArray] = {}
         if self._observed:
@@ -388,8 +394,7 @@ class OpenLanes(Lanes):
         self._alone.prepare()
 
     def _run(self, k: int, arm: Arm, state: FloatArray | None) -> Ready:
-        if state is None:
-            state = self._alone.start(k, arm)
+        state = self._alone.start(k, arm) if state is None else state
         loads, touch, contacts = self._loads_on(arm), 0.0, self._shared.environment.contacts
         large = None if contacts else coarse_tolerance(self._settings, arm)
         relative = relative_tolerance(self._settings, arm) if large is None else large
@@ -494,6 +499,7 @@ class OpenLanes(Lanes):
             request = request_of(self._settings, arm)
             assert request is not None
             failed = others.runs.status[rows] != Status.DONE
+            group.errors |= zip(judged, (errors * reach_of(arm)).tolist(), strict=True)
             yield from np.array(judged)[failed | ~(errors <= request)].tolist()
 
     def _is_compared(self, group: Group, place: int) -> bool:
@@ -576,20 +582,10 @@ def drive_of_runs(arm: Arm, histories: Sequence[PiecewiseCubic], loads: LoadHist
     breaks = np.concatenate([history.breaks for history in different])
     cubics = np.concatenate([arm.padded_torque(history.coefficients) for history in different])
     of_runs = np.array([places[id(history)] for history in histories])
-    return LaneDrive(breaks, cubics, np.concatenate(stops), of_runs, **_factors_of(loads))
+    return LaneDrive(breaks, cubics, np.concatenate(stops), of_runs, **factors_of(loads))
 
 
-def held_drive(count: int, pieces: int, bodies: int, loads: LoadHistory) -> LaneDrive:
-    """Return a drive of runs with torques of their own, zero here, in a number of pieces."""
-    first, stops = pieces * np.arange(count), loads.factors.stops
-    places = np.zeros((count, 6), dtype=np.int64)
-    places[:, 1], places[:, 2], places[:, 3] = pieces + 1, first, first + pieces
-    places[:, 5] = stops.size
-    coefficients = np.zeros((count * pieces, 4, bodies))
-    return LaneDrive(np.arange(pieces + 1.0), coefficients, stops, places, **_factors_of(loads))
-
-
-def _factors_of(loads: LoadHistory) -> dict[str, FloatArray]:
+def factors_of(loads: LoadHistory) -> dict[str, FloatArray]:
     """Return the fields of ``LaneDrive`` for loads."""
     return {
         "amplitude": loads.placed.value,

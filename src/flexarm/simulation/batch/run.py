@@ -281,7 +281,8 @@ def simulate_batch(
         threads: number of threads, by default one for each core that this process may use.
             Controllers are called by one thread at a time.
         progress: True or False shows or hides the bar.
-        settings: as in ``simulate``; with an ``accuracy``, runs in lanes are not verified.
+        settings: as in ``simulate``; with an ``accuracy``, runs in lanes with small tolerances are
+            not verified.
         options: further arguments of ``simulate``, the same for all runs; ``specialized`` is False
             by default.
 
@@ -290,7 +291,8 @@ def simulate_batch(
         reductions, NaN for a run that failed. For each run: ``end_time`` (s); ``ended_by``,
         "duration", "failure" or the name of an event; ``failure``, the reason, or empty;
         ``warning``, the warnings of ``simulate``, or empty; ``integrator``, ``steps`` and
-        ``evaluations``. Parameters and seeds are coordinates.
+        ``evaluations``; ``integration_error`` (m, of the tip), if a second run verified any, and
+        NaN for the others. Parameters and seeds are coordinates.
 
     Raises:
         InputError: if an argument has the wrong shape or value, the numbers of runs differ, or

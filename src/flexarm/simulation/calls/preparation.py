@@ -262,14 +262,18 @@ def torque_history(
     breaks, spacing = settings.breaks, 1.0 / settings.rate
     if torque is None:
         history = PiecewiseCubic.constant(np.zeros(joints))
-    elif isinstance(torque, PiecewiseCubic):
-        history = torque.held_to(duration)
     elif callable(torque):
         check_function("torque", torque)
         history = function_history(torque, duration, joints, relative, breaks, spacing=spacing)
     else:
-        interpolation = settings.torque_interpolation
-        history = sampled_torque(torque, settings.rate, duration, joints, interpolation, breaks)
+        if isinstance(torque, PiecewiseCubic):
+            history = torque.held_to(duration)
+        else:
+            kind = settings.torque_interpolation
+            history = sampled_torque(torque, settings.rate, duration, joints, kind, breaks)
+        # A second run verifies an accuracy, and other tolerances decide without stops.
+        if settings.accuracy is None and request_of(settings, arm) is not None:
+            history = history.stopping_where_rough()
     prescribed = situation.prescribed or {}
     driven = prescribe(arm, prescribed, state, history, duration, relative, breaks, spacing)
     if prescribed:

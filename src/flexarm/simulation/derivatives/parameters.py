@@ -45,7 +45,7 @@ from flexarm.simulation.derivatives.dual_run import (
     no_change,
 )
 from flexarm.simulation.derivatives.loop_in_duals import RecordedLoop
-from flexarm.simulation.histories.piecewise import PiecewiseCubic, Samples
+from flexarm.simulation.histories.piecewise import PiecewiseCubic, Samples, spline_edges
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.impacts import meets_stops, run_to_slips, slides, stopping_at_breaks
 from flexarm.simulation.run.progress import Meter
@@ -379,7 +379,8 @@ def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]
         return None
     samples, joints = np.shape(torque)
     history = history_of(relative_tolerance(settings, situation.simulated))
-    return Samples(history, (samples, joints), settings.rate, settings.torque_interpolation)
+    edges = spline_edges(np.asarray(torque, dtype=np.float64), settings.rate, settings.breaks)
+    return Samples(history, (samples, joints), settings.rate, settings.torque_interpolation, edges)
 
 
 def refuse_unsupported(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:

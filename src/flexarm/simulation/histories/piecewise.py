@@ -27,6 +27,9 @@ _FIRST_PIECES = 64
 #: Slope over the largest one below which a function rests; share of the time in which one acts that
 #: rests otherwise; times at which steps end then; and the shortest piece that is no jump, relative.
 _STILL, _PULSE, _STOPS, _JUMP = 0.05, 0.1, 9, 1e-9
+#: Least difference of cubic terms, at the ends of their pieces and over the largest value, that is
+#: rough: that of noise of 1e-5 of this value. That of a sine is a tenth at 50 samples a period.
+_ROUGH = 3e-5
 #: Types of rows that can be checked together.
 _PLAIN = {tuple, list, np.ndarray}
 #: Maximum number of instants of the comparison, so that it takes a fraction of a second.
@@ -263,26 +266,30 @@ def sampled_torque(
         return PiecewiseCubic.table(np.repeat(times, 2)[1:], np.repeat(samples, 2, axis=0)[:-1])
     if interpolation == "linear" or len(samples) == 1:
         return PiecewiseCubic.table(times, samples)
+    edges = spline_edges(samples, rate, breaks)
+    cubics = _cubics(times, samples, edges)
+    stops = np.union1d(times[edges[1:-1]], pulses(times, cubics))
+    return PiecewiseCubic(times, cubics, stops).held_to(duration)
+
+
+def spline_edges(samples: FloatArray, rate: float, breaks: ArrayLike = ()) -> list[int]:
+    """Return the first sample, those at kinks and beside breaks, and the last one."""
+    last = len(samples) - 1
     places = np.asarray(breaks, dtype=np.float64) * rate
-    places = places[(places > 0.0) & (places < len(samples) - 1.0)]
+    places = places[(places > 0.0) & (places < last)]
     beside = np.concatenate([np.floor(places + _ON_SAMPLE), np.ceil(places - _ON_SAMPLE)])
-    return _spline(times, samples, beside.astype(np.intp)).held_to(duration)
+    kinks = np.union1d(find_kinks(samples), beside.astype(np.intp))
+    return [0, *kinks[(kinks > 0) & (kinks < last)].tolist(), last]
 
 
 class Samples(NamedTuple):
     """Torque samples of a run, and the derivatives of the coefficients of `sampled_torque`."""
 
-    history: PiecewiseCubic  # with stops at its kinks alone, which stay where they are
+    history: PiecewiseCubic
     shape: tuple[int, int]  # (samples, joints)
     rate: float  # Hz
     interpolation: str
-
-    @property
-    def _edges(self) -> list[int]:
-        """The first sample, the kinks of the history, and the last sample."""
-        last = self.shape[0] - 1
-        kinks = np.rint(self.history.stops * self.rate).astype(np.intp)
-        return [0, *kinks[kinks < last].tolist(), last]
+    edges: list[int]  # of splines, which stay where they are
 
     def added(self, units: FloatArray) -> FloatArray:
         """Return the derivatives (pieces, 4, columns) by changes (samples, columns)."""
@@ -292,7 +299,7 @@ class Samples(NamedTuple):
             return PiecewiseCubic.table(*at_jumps).coefficients
         if self.interpolation == "linear" or len(times) == 1:
             return PiecewiseCubic.table(times, units).coefficients
-        coefficients = _cubics(times, units, self._edges)
+        coefficients = _cubics(times, units, self.edges)
         if len(self.history.coefficients) > len(coefficients):  # constant after the last sample
             end = np.zeros((1, 4, units.shape[1]))
             end[0, 0] = units[-1]
@@ -307,7 +314,7 @@ class Samples(NamedTuple):
         history, rate, count = self.history, self.rate, self.shape[0]
         gradient = np.zeros((count, pieces.shape[2]))
         if self.interpolation == "cubic" and count > 1:
-            for first, last in pairwise(self._edges):
+            for first, last in pairwise(self.edges):
                 gradient[first : last + 1] += _collected_spline(pieces[first:last], rate)
             gradient[-1] += pieces[count - 1 :, 0].sum(axis=0)  # constant after the last sample
             return gradient
@@ -319,14 +326,6 @@ class Samples(NamedTuple):
             np.add.at(gradient, starts[inside], -slopes)
             np.add.at(gradient, starts[inside] + 1, slopes)
         return gradient
-
-
-def _spline(times: FloatArray, samples: FloatArray, parted: NDArray[np.intp]) -> PiecewiseCubic:
-    kinks = np.union1d(find_kinks(samples), parted)
-    kinks = kinks[(kinks > 0) & (kinks < len(times) - 1)]
-    edges = [0, *kinks.tolist(), len(times) - 1]
-    cubics = _cubics(times, samples, edges)
-    return PiecewiseCubic(times, cubics, np.union1d(times[kinks], pulses(times, cubics)))
 
 
 def _cubics(times: FloatArray, samples: FloatArray, edges: Sequence[int]) -> FloatArray:
@@ -512,6 +511,19 @@ class PiecewiseCubic:
         breaks, stops = np.append(self.breaks, time), np.append(self.stops, end)
         coefficients = np.concatenate([self.coefficients, held])
         return replace(self, breaks=breaks, coefficients=coefficients, stops=stops)
+
+    def stopping_where_rough(self) -> PiecewiseCubic:
+        """Add stops where samples jump or contain noise.
+
+        A step over several samples sees little of what turns the spline between them. The cubic
+        terms of neighbouring pieces then differ, and differ otherwise at the next sample.
+        """
+        width, cubic = np.diff(self.breaks), self.coefficients[:, 3]
+        jumps = np.diff(cubic, axis=0) * np.minimum(width[:-1], width[1:])[:, None] ** 3
+        turns = np.diff(jumps, axis=0, append=0.0)
+        size = _ROUGH * np.abs(self.coefficients[:, 0]).max(axis=0, initial=0.0)
+        rough = np.any(np.minimum(np.abs(jumps), np.abs(turns)) > size, axis=1)
+        return replace(self, stops=np.union1d(self.stops, self.breaks[1:-1][rough]))
 
     def _pieces_at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the coefficients (T, 4, columns) at times (T,), and the times (T, 1) in them."""

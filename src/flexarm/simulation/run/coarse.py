@@ -56,10 +56,6 @@ _EVALUATIONS = 2.0**1.5
 #: one that begins suddenly, as a displacement of the tip over the reach. Without damping, joint
 #: forces after a step of the torque err by up to 0.7 of their largest value, with damping by 0.03.
 _DECAY, _SUDDEN = 0.01, 1e-5
-#: Jump of the cubic coefficient of a torque between two pieces, times the cube of their duration,
-#: over the largest torque: a jump in samples has 1.2, noise 2 to 4, a sine at 20 samples a period
-#: 1.6e-3, functions at most 2e-6.
-_ROUGH = 0.1
 #: Exponents of two of the least and the most attempted steps: a few milliseconds, and less than
 #: lanes make.
 _STEPS = 8, 17
@@ -162,19 +158,14 @@ def most_steps(fastest: float, duration: float, stops: int) -> int:
 def is_sudden(
     settings: RunSettings, arm: Arm, system: System, history: PiecewiseCubic, state: FloatArray
 ) -> bool:
-    """Return whether vibrations that hardly decay begin suddenly, or samples of the torque jump.
+    """Return whether vibrations that hardly decay begin suddenly.
 
-    Long steps lose fast vibrations, which hardly move the tip and carry forces of joints, and the
-    turns of a spline between samples.
+    Long steps lose fast vibrations, which hardly move the tip and carry forces of joints.
     """
-    if settings.accuracy is not None:
-        return False
-    if _is_rough(history):
-        return True
     modes, stops = arm.assembly.constants.mode, system.drive.stops
     square = modes[..., W2]
     lasting = (square > 0.0) & (modes[..., MODE_DAMPING] < _DECAY * np.sqrt(square))
-    if not lasting.any():
+    if settings.accuracy is not None or not lasting.any():
         return False
     if stops.size:
         return True
@@ -183,15 +174,6 @@ def is_sudden(
     square = np.where(lasting, square, np.inf)
     size = np.abs(bend) / square + np.abs(state[1, :, 1:]) / np.sqrt(square)
     return bool((size / tip_units(arm)[0, :, 1:]).max() > _SUDDEN * reach_of(arm))
-
-
-def _is_rough(history: PiecewiseCubic) -> bool:
-    """Return whether third derivatives jump by much where steps do not end, as those of noise."""
-    width, cubic = np.diff(history.breaks), history.coefficients[:, 3]
-    jumps = np.abs(np.diff(cubic, axis=0)) * np.minimum(width[:-1], width[1:])[:, None] ** 3
-    jumps = jumps[~np.isin(history.breaks[1:-1], history.stops)]
-    largest = np.abs(history.coefficients[:, 0]).max(axis=0, initial=0.0)
-    return bool(np.any(jumps > _ROUGH * largest))
 
 
 def _succeeds(run: Run, history_of: Callable[[float], PiecewiseCubic], relative: float) -> bool:
