@@ -30,7 +30,7 @@ def test_sixteen_arms_have_all_numbers_of_links_drives_and_gravities() -> None:
     assert 12.0 < max(reaches) < 15.1
     for case in cases:  # motors hold the arm with twice the payload, stretched out
         heavy = bench.fa.varied(case.arm, payload_factor=2.0)
-        bias = heavy.bias_force(heavy.rest(np.zeros(heavy.joints)), np.zeros(heavy.dof))
+        bias = heavy.bias_force(heavy.rest(np.zeros(heavy.n_joints)), np.zeros(heavy.dof))
         held = np.abs(bias[heavy.joint_index])
         assert (held < case.hardware.motors.torque_limit).all()
 

@@ -11,7 +11,7 @@ section 11.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -101,15 +101,20 @@ class AxialLoads:
         self._offset = np.array([piece.offset for piece in self.pieces])
 
     def shares(self, times: FloatArray, states: FloatArray, acting: Acting) -> FloatArray:
-        """Return the shares (samples, pieces), averages over the lowest period of each piece."""
+        """Return the shares (k, pieces), averages over the lowest period of each piece.
+
+        The states (k, 2, n, 1 + m) are those of one or several runs, one after the other, at the
+        same times (samples,).
+        """
         if not self.pieces:
-            return np.zeros((len(times), 0))
+            return np.zeros((len(states), 0))
+        acting = acting.repeated(len(states) // len(times))
         poses = poses_of(self._arm, states)
         place, angle, rate = poses[:, :, :2], poses[:, :, 2], poses[:, :, 5]
         turning, n = self._turning(times, rate), angle.shape[1]
         along = np.stack([np.cos(angle), np.sin(angle)], axis=-1)  # (samples, bodies, 2)
         # Accelerations less gravity, of the roots, then of the centres of mass times the mass.
-        root = np.zeros((len(times), n, 2)) + (acting.base - self._gravity)[:, None]
+        root = np.zeros((len(states), n, 2)) + (acting.base - self._gravity)[:, None]
         for b, a in enumerate(self._carriers):
             if a >= 0:
                 link = place[:, b] - place[:, a]
@@ -154,33 +159,43 @@ class AxialLoads:
         return np.asarray(slowing * axis + 2.0 * rate * speed[:, None] * _turned(axis))
 
     def _turning(self, times: FloatArray, rate: FloatArray) -> FloatArray:
-        """Return accelerations (samples, bodies), averages of rates over the longest period."""
+        """Return accelerations (k, bodies), averages of rates over the longest period."""
         k = _window(times, float(self._periods.max()))
         if k >= len(times):
             return np.zeros_like(rate)
-        middle = (rate[k:] - rate[:-k]) / (times[k:] - times[:-k])[:, None]
-        places = np.arange(len(times)) - k // 2
-        return np.asarray(middle[np.minimum(np.maximum(places, 0), len(middle) - 1)])
+        runs = rate.reshape(-1, len(times), rate.shape[1])
+        middle = (runs[:, k:] - runs[:, :-k]) / (times[k:] - times[:-k])[:, None]
+        places = np.clip(np.arange(len(times)) - k // 2, 0, middle.shape[1] - 1)
+        return np.asarray(middle[:, places].reshape(rate.shape))
 
     def _averaged(self, times: FloatArray, shares: FloatArray) -> FloatArray:
-        found = np.empty_like(shares)
+        runs = shares.reshape(-1, len(times), shares.shape[1])
+        averages = np.empty_like(runs)
         for k, period in enumerate(self._periods):
             width = min(_window(times, float(period)), len(times))
-            total = np.zeros(len(times) + 1)
-            np.cumsum(shares[:, k], out=total[1:])
-            means = (total[width:] - total[:-width]) / width
-            found[: len(means), k], found[len(means) :, k] = means, means[-1]
-        return found
+            total = np.zeros((len(runs), len(times) + 1))
+            np.cumsum(runs[..., k], axis=1, out=total[:, 1:])
+            means = (total[:, width:] - total[:, :-width]) / width
+            averages[:, : means.shape[1], k] = means
+            averages[:, means.shape[1] :, k] = means[:, -1:]
+        return averages.reshape(shares.shape)
 
-    def describe(self, times: FloatArray, states: FloatArray, acting: Acting) -> str:
-        """Describe the largest axial load of a link in states (samples, 2, n, 1 + m), or ""."""
+    def describe(self, times: FloatArray, states: FloatArray, acting: Acting) -> list[str]:
+        """Describe the largest axial load of a link in each of several runs, or "".
+
+        states: (runs, samples, 2, n, 1 + m).
+        """
         if not len(times) or not self.pieces:
-            return ""
+            return [""] * len(states)
         if not acting.changing:  # a few samples in each period are enough
             stride = max(1, _window(times, float(self._periods.min())) // _SAMPLES)
-            times, states = times[::stride], states[::stride]
-        shares = self.shares(times, states, acting)
-        lowest, highest = shares.min(axis=0), shares.max(axis=0)
+            times, states = times[::stride], states[:, ::stride]
+        shares = self.shares(times, states.reshape(-1, *states.shape[2:]), acting)
+        of_runs = shares.reshape(len(states), len(times), -1)
+        return list(map(self._described, of_runs.min(axis=1), of_runs.max(axis=1)))
+
+    def _described(self, lowest: FloatArray, highest: FloatArray) -> str:
+        """Describe the largest load from the extreme shares (pieces,) of a run, or ""."""
         extreme = np.where(-lowest > highest, lowest, highest)
         worst = int(np.argmax(np.abs(extreme)))
         share = float(extreme[worst])
@@ -230,6 +245,14 @@ class Acting:
     def constant(cls, loads: Loads) -> Acting:
         """Return loads that are constant over time."""
         return cls(loads, np.ones((1, loads.body.size)), loads.base_acceleration[None])
+
+    def repeated(self, runs: int) -> Acting:
+        """Return the same loads in several runs, one after the other."""
+        if runs == 1 or len(self.base) == 1:
+            return self
+        return replace(
+            self, factors=np.tile(self.factors, (runs, 1)), base=np.tile(self.base, (runs, 1))
+        )
 
     @property
     def changing(self) -> bool:
@@ -281,10 +304,13 @@ def closure_warning(arm: Arm, forces: FloatArray) -> str:
     return ""
 
 
-def axial_warning(arm: Arm, times: FloatArray, states: FloatArray, acting: Acting) -> str:
-    """Describe the largest axial load that the theory of an arm neglects; empty if small."""
+def axial_warnings(arm: Arm, times: FloatArray, states: FloatArray, acting: Acting) -> list[str]:
+    """Describe the largest axial load that the theory of an arm neglects in each run, or "".
+
+    states: (runs, samples, 2, n, 1 + m).
+    """
     if arm.spec.theory != "linear":
-        return ""
+        return [""] * len(states)
     return _estimate(arm).describe(times, states, acting)
 
 
@@ -301,5 +327,6 @@ def warn_of_theory(
     arm: Arm, q: FloatArray, environment: Environment, qd: FloatArray | None = None
 ) -> None:
     """Warn once of bending or axial loads at q and qd, each (dof,), as `warn_of_bending` does."""
-    loaded = axial_warning(arm, np.zeros(1), *_at_rest(arm, q, environment, qd))
-    warn_of_first([bending_warning(arm, q), loaded])
+    states, acting = _at_rest(arm, q, environment, qd)
+    loaded = axial_warnings(arm, np.zeros(1), states[None], acting)
+    warn_of_first([bending_warning(arm, q), *loaded])

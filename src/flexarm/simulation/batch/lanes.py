@@ -78,7 +78,7 @@ from flexarm.simulation.run.tolerance import (
     reach_of,
     tip_units,
 )
-from flexarm.simulation.run.validity import axial_load
+from flexarm.simulation.run.validity import axial_loads
 from flexarm.simulation.run.work import Start, choose_by_work
 
 #: Attempted steps of a run in a lane. Longer runs are executed one at a time, where Ctrl-C and
@@ -364,11 +364,15 @@ class Lanes(ABC):
         limits, texts = self._limits(group, places, times, samples)
         if "contact_gap" in channels:
             limits["contact_depth"] = np.maximum(-channels["contact_gap"].min(axis=1), 0.0)
+        # Runs of one arm have the same loads, but not the same contacts.
+        together = self._arm and not self._shared.environment.contacts
+        parts = samples[None] if together else samples[:, None]
+        loaded = [axial_loads(r.arm, times, x, r.loads) for r, x in zip(own, parts, strict=False)]
+        pulled = [text for texts_of_runs in loaded for text in texts_of_runs]
         warnings = []
-        for row, (run, place) in enumerate(zip(own, places.tolist(), strict=True)):
+        for row, place in enumerate(places.tolist()):
             bent = "" if small[row] else theory_error(arm, samples[row])
-            pulled = axial_load(run.arm, times, samples[row], run.loads)
-            notices = joined(bent, pulled, *texts[row])
+            notices = joined(bent, pulled[row], *texts[row])
             warnings.append(joined(*self._warnings(group, place, notices)))
         numbers = [run.number for run in own]
         reached = self._shared.duration, DURATION, "", group.method.name

@@ -22,7 +22,7 @@ from flexarm.simulation.calls.metrics import reference_angles
 from flexarm.simulation.loop.control_loop import ClosedLoop
 from flexarm.simulation.run.channels import LIMITS
 from flexarm.simulation.run.stepping import Notices, Run
-from flexarm.simulation.run.validity import axial_load
+from flexarm.simulation.run.validity import axial_loads
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -239,8 +239,9 @@ def notices_of(run: Run, limits: Sequence[str], failure: str) -> Notices:
     bent = (theory_error(part.arm, part.samples) for part in parts)
     notices: Notices = [(next(filter(None, bent), ""), LargeDeflectionWarning)]
     pulled = (
-        axial_load(part.arm, part.sample_times, part.samples[: part.progress.sample], part.loads)
+        axial_loads(part.arm, part.sample_times[:count], part.samples[None, :count], part.loads)[0]
         for part in (() if failure else parts)
+        for count in [part.progress.sample]
     )
     notices += [(next(filter(None, pulled), ""), LargeDeflectionWarning)]
     notices += [] if failure else [(text, LimitWarning) for text in limits]

@@ -7,7 +7,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import LARGEST_ERROR, BendingErrors, theory_error
 from flexarm.integrate.base import FloatArray
-from flexarm.linear.statics.axial import Acting, axial_warning
+from flexarm.linear.statics.axial import Acting, axial_warnings
 from flexarm.simulation.histories.loads import LoadHistory
 
 #: Ratio of deflection to length that no real link reaches.
@@ -50,15 +50,18 @@ class RunawayWatch:
         return f"link {self._links[worst] + 1} has bent by {bent[worst]:.3g} times its length"
 
 
-def axial_load(arm: Arm, times: FloatArray, states: FloatArray, loads: LoadHistory) -> str:
-    """Describe the largest axial load that the theory neglects in a run; empty if small."""
+def axial_loads(arm: Arm, times: FloatArray, states: FloatArray, loads: LoadHistory) -> list[str]:
+    """Describe the largest axial load that the theory neglects in each run; empty if small.
+
+    states: (runs, samples, 2, n, 1 + m).
+    """
     if arm.spec.theory != "linear":
-        return ""
+        return [""] * len(states)
     acting = Acting.constant(loads.placed)
     if loads.factors.coefficients.shape[2]:
         values = loads.factors.at(times)
         acting = Acting(loads.placed, values[:, :-2], values[:, -2:])
-    return axial_warning(arm, times, states, acting)
+    return axial_warnings(arm, times, states, acting)
 
 
 class BendingWatch:
