@@ -1,4 +1,4 @@
-"""Tables "requested" and "quantities" of accuracy.md: runs with a requested accuracy, or none.
+"""Tables "requested", "rough" and "quantities" of accuracy.md: runs with an accuracy, or none.
 
 The arms are those of ``tests/accuracy_runs.py``, of one to three links, and the smooth ones of
 ``measure_default_step``, many of which turn and whirl fast. The cost is the number of
@@ -9,9 +9,11 @@ evaluations of all runs of a call, over that of a call whose runs have small tol
 
 from __future__ import annotations
 
+import itertools
 import sys
 import warnings
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from unittest import mock
 
@@ -26,6 +28,7 @@ from measure_default_step import cases
 import flexarm as fa
 import flexarm.simulation.run.coarse as coarse
 from accuracy_runs import QUIET, random_arm
+from flexarm.simulation.histories.piecewise import PiecewiseCubic
 
 ARMS, WHIRLING = 30, 60
 #: Accuracies over the reach; None for a call without one.
@@ -115,6 +118,52 @@ def quantity_table(count: int) -> str:
     return "\n".join(lines)
 
 
+def rough_run(seed: int, noisy: bool) -> Drawn:
+    """Return an arm with links of 6 Hz to 1 kHz, and torques of samples at 1 kHz."""
+    rng = np.random.default_rng(seed)
+    n, length, frequency = (
+        rng.integers(1, 3),
+        10 ** rng.uniform(-0.5, 0.5),
+        10 ** rng.uniform(0.8, 3),
+    )
+    mass, damped = 0.5 * length, rng.random() < 0.7
+    link = fa.Link(
+        length=length,
+        flexural_rigidity=mass * (2 * np.pi * frequency) ** 2 * length**4 / 3.516**2,
+        mass_per_length=mass,
+        elements=int(rng.integers(1, 4)),
+        damping=fa.ModalDamping(ratio=0.01) if damped else None,
+    )
+    arm = fa.Arm(links=[link] * n, joints=[fa.Joint(hub_inertia=0.3 * mass * length**3)] * n)
+    times, size = np.arange(1001)[:, None] / 1e3, mass * length**3 * rng.uniform(1, 5)
+    sine = np.sin(2 * np.pi * rng.uniform(1, 4, n) * times + 1e-3)
+    jumps = np.sign(times - rng.uniform(0.2, 0.8, n)), np.sign(sine), sine + (times > 0.41)
+    noise = sine + 10.0 ** -(1 + seed % 5) * rng.standard_normal((1001, n))
+    torque = size * (noise if noisy else jumps[seed % 3])
+    return arm, {"torque": torque, "duration": 1.0}
+
+
+def rough_table(count: int) -> str:
+    """Return the table of runs whose torque has samples that jump, or noise of 1e-5 to 0.1."""
+    lines = ["| samples of the torque | steps end at them | error over reach | evaluations |"]
+    lines.append("| --- | --- | --- | --- |")
+    passed = mock.patch.object(PiecewiseCubic, "stopping_where_rough", lambda history: history)
+    for noisy, where in itertools.product((False, True), (nullcontext(), passed)):
+        errors, works = [], []
+        for arm, arguments in (rough_run(seed, noisy) for seed in range(count)):
+            exact = fa.simulate(arm, integrator="kennedy_carpenter_5", rtol=1e-12, **arguments)
+            with where:
+                result = fa.simulate(arm, **arguments)
+            apart = np.abs(result.tip - exact.tip).values.max()
+            errors.append(apart / arm.lengths.sum())
+            works.append(result.attrs["evaluations"])
+        kind, stops = ("jumps", "noise")[noisy], ("yes", "no")[where is passed]
+        cells = f"{np.median(errors):.1e}, {max(errors):.1e} | {np.mean(works):.0f}"
+        lines.append(f"| {kind} ({count}) | {stops} | {cells} |")
+    return "\n".join(lines)
+
+
 if __name__ == "__main__":
     arms_of_a_kind = int(sys.argv[1]) if len(sys.argv) > 1 else ARMS
     print(table(arms_of_a_kind), quantity_table(arms_of_a_kind), sep="\n\n")
+    print(rough_table(3 * arms_of_a_kind))
