@@ -147,7 +147,7 @@ def rough_table(count: int) -> str:
     """Return the table of runs whose torque has samples that jump, or noise of 1e-5 to 0.1."""
     lines = ["| samples of the torque | steps end at them | error over reach | evaluations |"]
     lines.append("| --- | --- | --- | --- |")
-    passed = mock.patch.object(PiecewiseCubic, "stopping_where_rough", lambda history: history)
+    passed = mock.patch.object(PiecewiseCubic, "stopping_where_rough", lambda history, _: history)
     for noisy, where in itertools.product((False, True), (nullcontext(), passed)):
         errors, works = [], []
         for arm, arguments in (rough_run(seed, noisy) for seed in range(count)):

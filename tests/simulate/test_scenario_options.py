@@ -326,3 +326,21 @@ def test_event_at_a_joint_stop(tmp_path):
     result = fa.run_scenario(path)
     assert result.joint_angle.values[-1, 0] == pytest.approx(-0.3, abs=1e-9)
     assert result.attrs["ended_by"] == "event_1"
+
+
+@pytest.mark.parametrize("how", ["", "rtol: 1.0e-6", "step: 1.0e-4", "accuracy: 1.0e-5"])
+def test_samples_of_a_torque_that_jumps(write, how):
+    """Steps end at the same samples as in Python."""
+    torque = np.where(np.arange(41) < 20, 5.0, -5.0)[:, None] * [1.0, 0.3]
+    drive = f"drive: {{kind: torque, rate: 100, values: {torque.tolist()}}}\n"
+    path = write("initial: {joint_angle: [0.3, 0.1]}\n" + drive)
+    text = path.read_text().replace(", rtol: 1.0e-9, atol: 1.0e-11", f", {how}" if how else "")
+    path.write_text(text)
+    found = fa.run_scenario(path)
+    arm, given = fa.load_arm(path), dict([how.split(": ")] if how else [])
+    start = {"initial": arm.rest([0.3, 0.1]), "rate": 100.0, "progress": False}
+    wanted = fa.simulate(
+        arm, 0.4, torque=torque, **start, **{k: float(v) for k, v in given.items()}
+    )
+    np.testing.assert_array_equal(found["q"], wanted["q"])
+    assert found.attrs["steps"] == wanted.attrs["steps"]

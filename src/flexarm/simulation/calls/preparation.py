@@ -265,15 +265,13 @@ def torque_history(
     elif callable(torque):
         check_function("torque", torque)
         history = function_history(torque, duration, joints, relative, breaks, spacing=spacing)
+    elif isinstance(torque, PiecewiseCubic):
+        history = torque.held_to(duration)
     else:
-        if isinstance(torque, PiecewiseCubic):
-            history = torque.held_to(duration)
-        else:
-            kind = settings.torque_interpolation
-            history = sampled_torque(torque, settings.rate, duration, joints, kind, breaks)
-        # A second run verifies an accuracy, and other tolerances decide without stops.
-        if settings.accuracy is None and request_of(settings, arm) is not None:
-            history = history.stopping_where_rough()
+        kind = settings.torque_interpolation
+        history = sampled_torque(torque, settings.rate, duration, joints, kind, breaks)
+        if settings.accuracy is None and settings.step is None:  # a second run verifies an accuracy
+            history = history.stopping_where_rough(relative_tolerance(settings, arm))
     prescribed = situation.prescribed or {}
     driven = prescribe(arm, prescribed, state, history, duration, relative, breaks, spacing)
     if prescribed:

@@ -28,8 +28,9 @@ _FIRST_PIECES = 64
 #: rests otherwise; times at which steps end then; and the shortest piece that is no jump, relative.
 _STILL, _PULSE, _STOPS, _JUMP = 0.05, 0.1, 9, 1e-9
 #: Least difference of cubic terms, at the ends of their pieces and over the largest value, that is
-#: rough: that of noise of 1e-5 of this value. That of a sine is a tenth at 50 samples a period.
-_ROUGH = 3e-5
+#: rough, over the relative tolerance. At the default, 1e-7, it is that of noise of 1e-5 of this
+#: value; that of a sine is a tenth of it at 50 samples a period.
+_ROUGH = 3e2
 #: Types of rows that can be checked together.
 _PLAIN = {tuple, list, np.ndarray}
 #: Maximum number of instants of the comparison, so that it takes a fraction of a second.
@@ -512,8 +513,8 @@ class PiecewiseCubic:
         coefficients = np.concatenate([self.coefficients, held])
         return replace(self, breaks=breaks, coefficients=coefficients, stops=stops)
 
-    def stopping_where_rough(self) -> PiecewiseCubic:
-        """Add stops where samples jump or contain noise.
+    def stopping_where_rough(self, relative: float) -> PiecewiseCubic:
+        """Add stops where samples jump or contain noise, for a relative tolerance of a run.
 
         A step over several samples sees little of what turns the spline between them. The cubic
         terms of neighbouring pieces then differ, and differ otherwise at the next sample.
@@ -521,7 +522,7 @@ class PiecewiseCubic:
         width, cubic = np.diff(self.breaks), self.coefficients[:, 3]
         jumps = np.diff(cubic, axis=0) * np.minimum(width[:-1], width[1:])[:, None] ** 3
         turns = np.diff(jumps, axis=0, append=0.0)
-        size = _ROUGH * np.abs(self.coefficients[:, 0]).max(axis=0, initial=0.0)
+        size = _ROUGH * relative * np.abs(self.coefficients[:, 0]).max(axis=0, initial=0.0)
         rough = np.any(np.minimum(np.abs(jumps), np.abs(turns)) > size, axis=1)
         return replace(self, stops=np.union1d(self.stops, self.breaks[1:-1][rough]))
 
