@@ -269,16 +269,6 @@ def test_no_other_fault_is_taken_for_backlash():
             assert not named, (seed, fault)
 
 
-@pytest.mark.thorough
-def test_backlash_is_named_beside_wrong_masses_and_damping():
-    """Gaps of 3 to 6 mrad, of independent chains of bars."""
-    free = [RIGIDITY, "joints[0].damping", HUB, "payload.mass"]
-    for seed in (1, 2, 3, 4):
-        sheet = with_number(believed(ONE, seed).spec, "joints[0].damping", 0.0)
-        found = quiet(fa.Arm(sheet), faulty_record("backlash", seed, 2.0), free, starts=1)
-        assert any("backlash of joint 1" in sentence for sentence in found.missing), seed
-
-
 def test_priors_limit_the_change_by_effects(monkeypatch):
     """Two parameters with nearly equal effects: the prior of the second one is all there is."""
     from flexarm.identification import missing
