@@ -6,12 +6,14 @@ import flexarm as fa
 from data import bench_records, geared_bench
 from data.bench_records import ONE, RATE, TWO, Bench
 from flexarm.model.paths import with_number
+from identification import chains
 from identification.benches import believed, record, rough_record, truth
 
 #: Fault and words of which one names it.
 FAULTS = {
     "friction": ("Coulomb friction",),
     "friction by direction": ("N m at positive and",),
+    "Stribeck friction": ("Coulomb friction",),
     "backlash": ("backlash of joint 1", "Joint 1 has backlash"),
     "torque offset": ("torque_1 reads", "offset of torque_1"),
     "strain offset": ("strain_1 reads", "offset of strain_1"),
@@ -27,8 +29,13 @@ FAULTS = {
     "torque gain": ("torque_1 reads", "gain of torque_1"),
     "encoder offset": ("joint_angle_2 reads", "offset of joint_angle_2"),
 }
-#: Faults that a bench cannot show: the angle of the first joint has no effect without gravity.
-UNSEEN = {ONE.name: ("encoder offset",), TWO.name: (), geared_bench.THREE.name: ("encoder offset",)}
+#: Faults that a bench does not have: the angle of the first joint has no effect without gravity,
+#: and chains have one link.
+UNSEEN = {
+    ONE.name: ("encoder offset",),
+    TWO.name: ("Stribeck friction",),
+    geared_bench.THREE.name: ("encoder offset", "Stribeck friction"),
+}
 
 
 def faulty_record(fault: str, seed: int, end: float, bench: Bench = ONE) -> fa.MeasuredRecord:
@@ -47,12 +54,15 @@ def faulty_record(fault: str, seed: int, end: float, bench: Bench = ONE) -> fa.M
         middle = 0.5 * (rate + np.roll(rate, -1, axis=0))
         sign = np.tanh(middle / (0.02 * np.abs(rate).max(axis=0)))
         torque += 0.03 * size * (sign + 0.5) * np.array(bench.amplitude)
+    elif fault == "Stribeck friction":
+        level = 8e-3 * size
+        change = chains.change_of(bench, torque[:, 0], coulomb=(level, level), static=level)
     elif fault == "backlash":
-        program = geared_bench if bench is geared_bench.THREE else bench_records
-        change = program.change_by_backlash(bench, strain.size, 3e-3 * size)
-        joints = torque.shape[1]
-        data["joint_angle"].values[:] += change[:, :joints]
-        data["strain"].values[:] += change[:, joints : 2 * joints]
+        if bench is ONE:
+            change = chains.change_of(bench, torque[:, 0], backlash=3e-3 * size)
+        else:
+            program = geared_bench if bench is geared_bench.THREE else bench_records
+            change = program.change_by_backlash(bench, strain.size, 3e-3 * size)
     elif fault == "torque offset":
         torque[:, 0] += 0.02 * size * bench.amplitude[0]
     elif fault == "torque gain":
@@ -84,6 +94,10 @@ def faulty_record(fault: str, seed: int, end: float, bench: Bench = ONE) -> fa.M
         angle[:, 0] = (angle[:, 0] - middle) % (2.0 * np.pi)
     elif fault == "encoder offset":
         data["joint_angle"].values[:, 1] += 0.05 * size
+    if fault in ("backlash", "Stribeck friction"):
+        joints = torque.shape[1]
+        data["joint_angle"].values[:] += change[:, :joints]
+        data["strain"].values[:] += change[:, joints : 2 * joints]
     return fa.MeasuredRecord(data, clean.settings)
 
 

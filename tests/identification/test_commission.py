@@ -197,8 +197,6 @@ def test_commissioning_from_a_wrong_data_sheet():
 @pytest.mark.thorough
 @pytest.mark.parametrize("fault", [kind for kind in FAULTS if kind not in UNSEEN[ONE.name]])
 def test_planted_faults_are_named(fault):
-    if fault == "backlash":
-        pytest.importorskip("mujoco")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         measured = faulty_record(fault, 1, 2.0)

@@ -42,6 +42,8 @@ from flexarm.identification.missing import (
     effect_name,
     information_of,
     missing_effects,
+    smoothing_rates,
+    with_coulomb,
 )
 from flexarm.identification.record import (
     FEWEST,
@@ -70,7 +72,7 @@ from flexarm.identification.statistics import fit_percent
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
-from flexarm.model import ArmSpec, Contact, Friction, Motors
+from flexarm.model import ArmSpec, Contact, Motors
 from flexarm.model.identification import INPUTS, FreeParameter, RecordSettings
 from flexarm.model.paths import with_number
 from flexarm.model.quantities import Flag
@@ -91,8 +93,6 @@ _INSIDE = 0.03
 #: Factor on rigidities by modes. Band of measured modes relative to the frequency of the model,
 #: least fit (%) of them, largest deviation of the frequency, and least frequency that vibrates.
 _RIGIDITY, _BAND, _CLEAR, _SHARP, _STILL = (0.3, 1.2), (0.5, 1.15), 60.0, 0.05, 1e-4
-#: Rate below which friction is smooth, as a fraction of the largest joint rate.
-_SMOOTH = 0.02
 #: Signal above noise: bins of a smoothed spectrum, power, and width beyond the last such frequency.
 _BINS, _ABOVE, _WIDER = 5, 10.0, 1.2
 #: Error of a gauge's distance that is named, and its least size in standard deviations.
@@ -406,20 +406,13 @@ class _Commissioning:
             else:
                 index = int(match[1])
                 rate = self._smoothing(case)[driven_joints(spec).index(index)]
-                old = spec.joints[index].friction or Friction(coulomb=0.0, smoothing_rate=rate)
-                joint = spec.joints[index].replace(friction=old.replace(coulomb=effect.size))
-                spec = with_joint(spec, index, joint)
+                spec = with_coulomb(spec, index, effect.size, rate)
         parameters = {effect.path: FreeParameter(effect.path) for effect in effects}
         return case._replace(spec=spec, errors=errors), parameters
 
     def _smoothing(self, case: Case) -> FloatArray:
         """Return the rates (joints,) below which friction is smooth, rad/s."""
-        largest = np.zeros(self._arm.n_joints)
-        for run in self._runs(self.parts):
-            rates = run.rates(case)
-            if not isinstance(rates, str):
-                largest = np.maximum(largest, np.abs(rates).max(axis=0))
-        return _SMOOTH * largest
+        return smoothing_rates(self._runs(self.parts), case)
 
     def _smooth_friction(self) -> None:
         """Replace sticking of joints by smooth friction, which has derivatives."""

@@ -77,7 +77,7 @@ class Space:
         errors: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self._arm, self._motors, self._errors = arm, motors, dict(errors)
-        self._names, self._records = list(records), records
+        self._names, self._records, self._free = list(records), records, list(free)
         interval = 1.0 / max(record.rate for record in records.values())
         self._rate = typical_rate(arm, interval)
         problems: list[Problem] = []
@@ -150,6 +150,13 @@ class Space:
             Slot(path, k, f"{path} ({name})", start, lower, upper, scale, *last)
             for k, name in enumerate(self._names)
         ]
+
+    def wider(self, case: Case, paths: Sequence[str]) -> Space:
+        """Return the space from a case with further free numbers, without bounds and priors."""
+        unbounded = dict.fromkeys(("lower", "upper", "prior", "prior_deviation"))
+        free = {p.path: p.replace(**unbounded) for p in self._free}
+        free = {path: FreeParameter(path) for path in paths} | free
+        return Space(Arm(case.spec), case.motors, list(free.values()), self._records, case.errors)
 
     @property
     def start(self) -> FloatArray:
