@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import flexarm as fa
-from flexarm.base.errors import FlexarmWarning, InputError, Problem
+from flexarm.base.errors import InputError, Problem, without_warnings
 from flexarm.cli.commands.sweep import (
     draw_samples,
     limits_of,
@@ -78,8 +77,7 @@ def compare(
         warn_of(implausible(prepared.study.arm))
     for text in dict.fromkeys(texts):
         warn(text)
-    with warnings.catch_warnings():  # printed below with the names of the runs
-        warnings.simplefilter("ignore", FlexarmWarning)
+    with without_warnings():  # printed below with the names of the runs
         table = prepared.run(workers=check_workers("--workers", workers))
     for reference in table["reference"].values:
         print_line(_printed(table.sel(reference=reference), str(reference)))
@@ -104,8 +102,7 @@ def _compare_samples(
 ) -> None:
     """Print the statistics of samples, and write the requested files."""
     study = read_study_file(path)
-    with warnings.catch_warnings():  # those of the samples are printed
-        warnings.simplefilter("ignore", FlexarmWarning)
+    with without_warnings():  # those of the samples are printed
         nominal = study.nominal(workers=workers)
     table = study.run(workers=workers)
     print_statistics(table, limits, nominal)

@@ -124,7 +124,8 @@ class Transcription:
         residual, q_end, slope_end, bounded, cost = self._interval().map(N)(
             q[:, :-1], slope[:, :-1], curve, first, last, repmat(T, 1, N)
         )
-        rows = [(part, 0.0, 0.0) for part in (residual, q[:, 1:] - q_end, slope[:, 1:] - slope_end)]
+        gaps = q[:, 1:] - q_end, slope[:, 1:] - slope_end
+        rows: list[tuple[Any, Any, Any]] = [(part, 0.0, 0.0) for part in (residual, *gaps)]
         pairs = zip(task.bounds, self.margins, strict=True)
         sides = zip(*([s / b.size for s in b.within(margin)] for b, margin in pairs), strict=True)
         low, high = (np.concatenate(side) for side in sides) if task.bounds else ((), ())
