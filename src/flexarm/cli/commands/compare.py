@@ -7,8 +7,6 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 import flexarm as fa
 from flexarm.base.errors import InputError, Problem, without_warnings
 from flexarm.cli.commands.sweep import (
@@ -17,8 +15,8 @@ from flexarm.cli.commands.sweep import (
     print_statistics,
     read_study_file,
 )
-from flexarm.cli.failures import collected_warnings, warn
-from flexarm.cli.options import Plot, argument, check_places, option
+from flexarm.cli.failures import reported_warnings, warn
+from flexarm.cli.options import Limits, Plot, Workers, argument, check_places, option
 from flexarm.cli.tables import numbers, print_line, save_figure
 
 if TYPE_CHECKING:
@@ -45,18 +43,8 @@ def compare(
     study: Annotated[Path, argument("STUDY.yaml", "Drives, plants and motions to compare.")],
     out: Annotated[Path | None, option("FILE", "Save the numbers: .nc or .csv.")] = None,
     plot: Plot = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="Processes; by default one for each core."),
-    ] = None,
-    limits: Annotated[
-        list[str] | None,
-        option(
-            "NAME=VALUE",
-            "A run of random plants above it counts as failed; repeatable.",
-            "--limit",
-        ),
-    ] = None,
+    workers: Workers = None,
+    limits: Limits = None,
 ) -> None:
     """Compare drives on plants along motions: errors, vibration, torque, computing time."""
     from flexarm.base.processes import check_workers
@@ -72,11 +60,9 @@ def compare(
         return
     if limits:
         raise InputError(Problem("--limit", "requires a study with samples"))
-    with collected_warnings() as texts:
+    with reported_warnings():
         prepared = PreparedStudy(*located)
         warn_of(implausible(prepared.study.arm))
-    for text in dict.fromkeys(texts):
-        warn(text)
     with without_warnings():  # printed below with the names of the runs
         table = prepared.run(workers=check_workers("--workers", workers))
     for reference in table["reference"].values:
