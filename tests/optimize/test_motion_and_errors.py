@@ -144,7 +144,8 @@ def test_too_few_iterations_are_an_error_with_the_last_iterate():
 
 
 def test_a_feasible_iterate_that_is_no_solution_names_fast_modes(monkeypatch):
-    def failed(self, plan, margins):
+    def failed(self):
+        plan = self._plan(*(part.T for part in self.guess.values()))
         return Answer(plan, "Error_In_Step_Computation", False, 21, 1e-12)
 
     monkeypatch.setattr(Transcription, "solve", failed)

@@ -26,12 +26,12 @@ from flexarm.base.arguments import check_count, check_kind, check_last_axes, che
 from flexarm.base.errors import (
     AccuracyWarning,
     ArgumentError,
-    InputError,
     Problem,
     Rule,
     called_by_user,
     check_result,
     public_call,
+    raise_any,
     warn_caller,
 )
 from flexarm.base.notebook import html_table
@@ -222,8 +222,7 @@ class Arm(Dynamics):
             Problem(f"arm.joints[{turning[i][0]}]", "has no winding, so its voltage must be zero")
             for i in np.flatnonzero(bare & (driven | bare.all()))
         ]
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         torque = np.array([joint.torque_per_voltage for _, joint in turning]) * voltage
         if rate is None:
             return np.asarray(torque)

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from flexarm.base.arguments import check_dataset, check_path
+from flexarm.base.arguments import check_dataset, check_kind, check_path
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.writing.mat_file import mat_bytes
 from flexarm.base.writing.places import AnyPath, check_place, write_text, write_whole
@@ -290,9 +290,7 @@ def save_linear(model: LinearModel, path: AnyPath) -> None:
     """
     from flexarm.linear import LinearModel
 
-    if not isinstance(model, LinearModel):
-        hint = "fa.linearize returns one."
-        raise InputError(Problem("model", "be a LinearModel", shown(model), hint))
+    check_kind("model", model, LinearModel, hint="fa.linearize returns one.")
     place = check_place("path", path, MODEL_SUFFIXES)
     if place.suffix.lower() == ".json":
         write_text(json.dumps(model.arrays(), indent=1, default=np.ndarray.tolist) + "\n", place)

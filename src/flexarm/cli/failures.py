@@ -101,7 +101,7 @@ def reported_warnings() -> Iterator[None]:
     """Write the warnings of a block with ``warn`` at its end."""
     with collected_warnings() as texts:
         yield
-    for text in texts:
+    for text in dict.fromkeys(texts):
         warn(text)
 
 

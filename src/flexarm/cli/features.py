@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import flexarm as fa
+from flexarm.base.errors import without_warnings
 from flexarm.integrate import INTEGRATORS
 from flexarm.kernels.compilation import jit
 from flexarm.kernels.compilation.build import export, record
@@ -214,8 +214,7 @@ def compile_features(names: list[str], folder: Path | None, every: bool) -> floa
         record(folder)
     before = compile_seconds()
     for name in names:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", fa.FlexarmWarning)  # they concern the example arm
+        with without_warnings():  # they concern the example arm
             FEATURES[name]()
         if folder is not None:
             export(folder, every)

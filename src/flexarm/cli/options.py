@@ -49,6 +49,17 @@ Parameters = Annotated[
         "--parameter",
     ),
 ]
+Workers = Annotated[
+    int | None, typer.Option(metavar="N", min=1, help="Processes; by default one for each core.")
+]
+Limits = Annotated[
+    list[str] | None,
+    option(
+        "NAME=VALUE",
+        "A run above it, such as tip_error_peak=0.01, counts as failed; repeatable.",
+        "--limit",
+    ),
+]
 Sets = Annotated[
     list[str] | None,
     option(

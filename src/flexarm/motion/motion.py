@@ -363,17 +363,14 @@ class TabulatedMotion(Motion):
 
     @public_call
     def joint_angle(self, t: ArrayLike) -> Floats:
-        """Return the relative joint angles (n,) or (T, n), rad."""
         return self._derivative(check_times("t", t), 0)
 
     @public_call
     def joint_rate(self, t: ArrayLike) -> Floats:
-        """Return the joint rates (n,) or (T, n), rad/s."""
         return self._derivative(check_times("t", t), 1)
 
     @public_call
     def joint_acceleration(self, t: ArrayLike) -> Floats:
-        """Return the joint accelerations (n,) or (T, n), rad/s^2."""
         return self._derivative(check_times("t", t), 2)
 
     @public_call
@@ -411,7 +408,6 @@ class SampledMotion(TabulatedMotion, DerivedMotion):
 
     @property
     def end_time(self) -> float:
-        """End of the motion, s; the arm is at rest from then on."""
         return self.motion.end_time
 
     def tip(self, t: ArrayLike) -> Floats:

@@ -15,6 +15,7 @@ import casadi
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.base.arguments import check_kind
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.bridges.c_code.model_functions import (
     NamedFunction,
@@ -82,11 +83,8 @@ class Observer:
 
 def exported_observer(arm: Arm, observer: object) -> Observer:
     """Return the functions of a filter for an arm; InputError if the code cannot contain it."""
-    if not isinstance(observer, ExtendedKalmanFilter):
-        hint = getattr(observer, "not_exported", "")
-        raise InputError(
-            Problem("observer", "be an ExtendedKalmanFilter", shown(observer), hint=hint)
-        )
+    hint = getattr(observer, "not_exported", "")
+    observer = check_kind("observer", observer, ExtendedKalmanFilter, hint=hint)
     serial_only(observer.arm.spec, "observer", UNDRIVEN)
     if len(observer.covariance) > 2 * observer.arm.dof + 1:
         rule = "estimate no parameters, disturbance torques or biases"

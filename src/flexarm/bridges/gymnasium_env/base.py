@@ -15,7 +15,7 @@ from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.base.arguments import check_each, check_kind, check_number
+from flexarm.base.arguments import check_choice, check_each, check_kind, check_number
 from flexarm.base.errors import (
     InputError,
     Problem,
@@ -391,9 +391,7 @@ class ArmEnv(gymnasium.Env[Vector, Vector]):
     def draw_task(self, options: Mapping[str, Any] | None) -> FloatArray:
         """Draw a task with validated options; return the initial joint angles (joints,), rad."""
         for name in options or {}:
-            if name not in self.option_names:
-                rule = "be one of " + ", ".join(map(repr, self.option_names))
-                raise InputError(Problem("an option", rule, shown(name)))
+            check_choice("an option", name, self.option_names)
         return self.begin(dict(options or {}))
 
     def draw_noise(self) -> int:

@@ -42,11 +42,9 @@ class ReachEnv(ArmEnv):
     option_names: ClassVar[tuple[str, ...]] = ("start", "goal")
 
     def task_parts(self) -> Sequence[Part]:
-        """See ``ArmEnv``."""
         return [Part("goal", "m", 2, self.reach, axes=True)]
 
     def begin(self, options: dict[str, Any]) -> FloatArray:
-        """See ``ArmEnv``."""
         shape = (self.arm.n_joints,)
         lower, upper = _joint_range(self)
         start = self.np_random.uniform(lower, upper)
@@ -60,11 +58,9 @@ class ReachEnv(ArmEnv):
         return start
 
     def task_info(self) -> dict[str, FloatArray]:
-        """See ``ArmEnv``."""
         return {"goal_joint_angle": self.goal_angle.copy()}
 
     def succeeded(self, values: FloatArray, info: Mapping[str, Any]) -> Any:
-        """See ``ArmEnv``."""
         near = info["distance"] < _NEAR * self.reach
         return near & (info["speed"] < _SLOW * self.reach)
 
@@ -138,11 +134,9 @@ class TrackPathEnv(_LineEnv):
     option_names: ClassVar[tuple[str, ...]] = ("start", "end", "duration")
 
     def task_parts(self) -> Sequence[Part]:
-        """See ``ArmEnv``."""
         return self.line_parts(self.ticks * self.plant.sample_time)
 
     def begin(self, options: dict[str, Any]) -> FloatArray:
-        """See ``ArmEnv``."""
         missing = [name for name in self.option_names if name not in options]
         if not options:
             self.motion = self._drawn()
@@ -172,7 +166,6 @@ class TrackPathEnv(_LineEnv):
         raise InputError(Problem("the arm", f"cannot follow any of {_LINE_TRIES} random lines"))
 
     def succeeded(self, values: FloatArray, info: Mapping[str, Any]) -> Any:
-        """See ``ArmEnv``."""
         return (values[..., 6] == 0.0) & (info["distance"] < _NEAR * self.reach)
 
 
@@ -277,7 +270,6 @@ class TrackForceEnv(_LineEnv):
         return Contact(surface=wall, stiffness=stiffness, friction=friction, **law)
 
     def task_parts(self) -> Sequence[Part]:
-        """See ``ArmEnv``."""
         most_rate = 2.0 * np.pi * self.force[1] / self.period
         return [
             *self.line_parts(_TOUCHDOWN + _SLIDE),
@@ -289,7 +281,6 @@ class TrackForceEnv(_LineEnv):
     # An episode -----------------------------------------------------------------------------------
 
     def begin(self, options: dict[str, Any]) -> FloatArray:
-        """See ``ArmEnv``."""
         rng = self.np_random
         if "start" in options and "end" in options:
             ends = [check_array(name, options[name], (2,)) for name in ("start", "end")]
@@ -377,12 +368,10 @@ class TrackForceEnv(_LineEnv):
         return float(self.plant.contact_force[0] @ self.normal)
 
     def miss(self, info: Mapping[str, Any]) -> Any:
-        """See ``ArmEnv``."""
         of_force = abs(info["force_error"]) / (_FORCE_SCALE * self.force[0])
         return super().miss(info) + min(of_force, _MOST_MISS)
 
     def succeeded(self, values: FloatArray, info: Mapping[str, Any]) -> Any:
-        """See ``ArmEnv``."""
         pressed = abs(info["force_error"]) < _FORCE_SCALE * self.force[0]
         over = values[6] == 0.0
         return over and pressed and info["distance"] < _NEAR * self.reach

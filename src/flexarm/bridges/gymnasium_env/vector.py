@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.observe import channels_of
-from flexarm.base.arguments import check_count
+from flexarm.base.arguments import check_choice, check_count
 from flexarm.base.errors import InputError, Problem, check_array, public_call, raise_any, shown
 from flexarm.base.processes import check_workers
 from flexarm.bridges.gymnasium_env.base import ArmEnv, FloatArray, Vector, exact_instruments
@@ -87,7 +87,11 @@ class ArmVectorEnv(VectorEnv[Vector, Vector, Any]):
             raise InputError(Problem("the arm", rule, hint=_SYNC))
         self.num_envs = check_count("num_envs", num_envs)
         threads = check_workers("threads", threads)
-        self._mode = _checked_mode(autoreset_mode)
+        word, words = (
+            getattr(autoreset_mode, "value", autoreset_mode),
+            [m.value for m in AutoresetMode],
+        )
+        self._mode = AutoresetMode(check_choice("autoreset_mode", word, words))
         self.metadata = {**task.metadata, "autoreset_mode": self._mode}
         self.render_mode = task.render_mode
         self.single_observation_space = task.observation_space
@@ -298,14 +302,6 @@ class TrackPathVectorEnv(ArmVectorEnv):
     """Vector environment of ``TrackPathEnv``; see ``ArmVectorEnv``."""
 
     kind = TrackPathEnv
-
-
-def _checked_mode(given: str | AutoresetMode) -> AutoresetMode:
-    try:
-        return AutoresetMode(given)
-    except ValueError:
-        rule = "be one of " + ", ".join(repr(mode.value) for mode in AutoresetMode)
-        raise InputError(Problem("autoreset_mode", rule, shown(given))) from None
 
 
 def _checked_mask(given: Any, count: int) -> BoolArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmError, LargeDeflectionWarning
+from flexarm.base.errors import FlexarmError, LargeDeflectionWarning, without_warnings
 from flexarm.cases.scenario.file_errors import problems_under
 from flexarm.control.design.input_shaping import shaped
 from flexarm.integrate.base import FloatArray
@@ -189,7 +188,6 @@ def _rigid(arm: Arm, motion: Motion, reason: str = "", followed: bool = False) -
 
 
 def _quasi_static(arm: Arm, motion: Motion, kind: str = "quasi_static") -> Followed:
-    with warnings.catch_warnings():  # the run warns of its states
-        warnings.simplefilter("ignore", LargeDeflectionWarning)
+    with without_warnings(LargeDeflectionWarning):  # the run warns of its states
         bent = quasi_static_reference(arm, motion, order=_ORDERS[kind])
     return Followed(bent, kind, bent.torque, bent.initial)

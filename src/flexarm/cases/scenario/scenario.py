@@ -17,7 +17,7 @@ from flexarm.arm.arm import Arm, described_arm
 from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import check_path
-from flexarm.base.errors import InputError, Problem, SimulationError, public_call
+from flexarm.base.errors import InputError, Problem, SimulationError, public_call, raise_any
 from flexarm.cases.scenario.file_errors import Where, problems_at, problems_under
 from flexarm.cases.scenario.references import (
     Followed,
@@ -416,8 +416,7 @@ def check_fit(arm: Arm, scenario: Scenario, place: Where, options: dict[str, Any
     for problem in found:
         name = names.get(problem.name, problem.name)
         problems.append(replace(problem, where=place(path_of(name)), name=name))
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
 
 
 @public_call

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, raise_any, shown, without_warnings
 from flexarm.cases.scenario.file_errors import Where
 from flexarm.integrate.base import FloatArray
 from flexarm.model import StudySpec
@@ -52,8 +51,7 @@ class Samples:
             except InputError as error:
                 where = place(("vary", path))
                 problems += [replace(problem, where=where) for problem in error.problems]
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         self._nominal = values
         self._levels = [_levels(item) for _, item in self._varied]
         grid = self._plan.method == "grid"
@@ -126,8 +124,7 @@ class Samples:
         sequence = qmc.Sobol(size, seed=seed, bits=resolution)
         if start:
             sequence.fast_forward(start)
-        with warnings.catch_warnings():  # of numbers of samples that are no power of two
-            warnings.simplefilter("ignore", UserWarning)
+        with without_warnings(UserWarning):  # of numbers of samples that are no power of two
             points: FloatArray = sequence.random(stop - start)
         return points
 

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 import flexarm as fa
-from flexarm.base.errors import FlexarmWarning, InputError, Problem
+from flexarm.base.errors import InputError, Problem, without_warnings
 from flexarm.cli.commands.sweep import (
     draw_samples,
     limits_of,
     print_statistics,
     read_study_file,
 )
-from flexarm.cli.failures import collected_warnings, warn
-from flexarm.cli.options import Plot, argument, check_places, option
+from flexarm.cli.failures import reported_warnings, warn
+from flexarm.cli.options import Limits, Plot, Workers, argument, check_places, option
 from flexarm.cli.tables import numbers, print_line, save_figure
 
 if TYPE_CHECKING:
@@ -46,18 +43,8 @@ def compare(
     study: Annotated[Path, argument("STUDY.yaml", "Drives, plants and motions to compare.")],
     out: Annotated[Path | None, option("FILE", "Save the numbers: .nc or .csv.")] = None,
     plot: Plot = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="Processes; by default one for each core."),
-    ] = None,
-    limits: Annotated[
-        list[str] | None,
-        option(
-            "NAME=VALUE",
-            "A run of random plants above it counts as failed; repeatable.",
-            "--limit",
-        ),
-    ] = None,
+    workers: Workers = None,
+    limits: Limits = None,
 ) -> None:
     """Compare drives on plants along motions: errors, vibration, torque, computing time."""
     from flexarm.base.processes import check_workers
@@ -73,13 +60,10 @@ def compare(
         return
     if limits:
         raise InputError(Problem("--limit", "requires a study with samples"))
-    with collected_warnings() as texts:
+    with reported_warnings():
         prepared = PreparedStudy(*located)
         warn_of(implausible(prepared.study.arm))
-    for text in dict.fromkeys(texts):
-        warn(text)
-    with warnings.catch_warnings():  # printed below with the names of the runs
-        warnings.simplefilter("ignore", FlexarmWarning)
+    with without_warnings():  # printed below with the names of the runs
         table = prepared.run(workers=check_workers("--workers", workers))
     for reference in table["reference"].values:
         print_line(_printed(table.sel(reference=reference), str(reference)))
@@ -104,8 +88,7 @@ def _compare_samples(
 ) -> None:
     """Print the statistics of samples, and write the requested files."""
     study = read_study_file(path)
-    with warnings.catch_warnings():  # those of the samples are printed
-        warnings.simplefilter("ignore", FlexarmWarning)
+    with without_warnings():  # those of the samples are printed
         nominal = study.nominal(workers=workers)
     table = study.run(workers=workers)
     print_statistics(table, limits, nominal)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-import warnings
 from math import isfinite, pi
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,7 +10,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 import flexarm as fa
-from flexarm.base.errors import InputError, Problem, UnstableLoopWarning, shown
+from flexarm.base.errors import InputError, Problem, UnstableLoopWarning, shown, without_warnings
 from flexarm.cli.failures import FAILED_RUN, print_error
 from flexarm.cli.options import LIST, ArmFile, comma_separated, flag, option
 from flexarm.cli.tables import console, numbers, print_line
@@ -91,8 +90,7 @@ def design(
     }
     hint = "Give another file with --out, or replace it with --overwrite."
     proposals.check_new("--out", out, overwrite=overwrite, hint=hint)
-    with warnings.catch_warnings():  # the reasons have it
-        warnings.simplefilter("ignore", UnstableLoopWarning)
+    with without_warnings(UnstableLoopWarning):  # the reasons have it
         proposal = proposals.design(loaded, task, **options)
     screen = console()
     screen.print(_errors_of(proposal))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import flexarm as fa
-from flexarm.base.errors import FlexarmWarning, InputError
+from flexarm.base.errors import InputError, without_warnings
 from flexarm.cli.failures import report_failures, reported_warnings, warn
 from flexarm.cli.options import (
     Angles,
@@ -107,8 +106,7 @@ def export_mat(
     from flexarm.arm.bending import bending_warning
     from flexarm.simulation.calls.compare import warnings_of
 
-    with warnings.catch_warnings():  # printed below in one line
-        warnings.simplefilter("ignore", FlexarmWarning)
+    with without_warnings():  # printed below in one line
         arm, result = _arm_and_result(file)
         rest = fa.equilibrium(arm, joint_numbers("--angles", arm, angles, "rad"))
         signals = comma_separated(inputs), comma_separated(outputs)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, raise_any, shown
 from flexarm.cases.templates import MECHANISMS, MOST_LINKS, arm_files, mechanism_files
 from flexarm.cli.options import argument, flag
 from flexarm.cli.tables import print_line
@@ -39,8 +39,7 @@ def init(
         for path in (arm, scenario)
         if os.path.lexists(path)
     ]
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     check_folder("FOLDER", folder)
     texts = mechanism_files(mechanism) if mechanism else arm_files(links, gravity, stiff)
     for kind, path, text in zip(("arm", "scenario"), (arm, scenario), texts, strict=True):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import flexarm as fa
-from flexarm.base.errors import FlexarmWarning, InputError, SimulationError
+from flexarm.base.errors import InputError, SimulationError, without_warnings
 from flexarm.cli.failures import collected_warnings, print_error, warn
 from flexarm.cli.options import Plot, Sets, argument, check_places, flag, option
 from flexarm.cli.tables import console, facts, print_line
@@ -68,8 +67,7 @@ def run(
     if animate is not None:
         check_animation_place("--animate", animate)
     try:
-        with warnings.catch_warnings():  # printed below in one line
-            warnings.simplefilter("ignore", FlexarmWarning)
+        with without_warnings():  # printed below in one line
             result = prepared.run(progress=False if quiet else None)
     except SimulationError as error:
         if out is not None and error.result is not None:

@@ -12,7 +12,7 @@ import flexarm as fa
 from flexarm.base.arguments import check_choice
 from flexarm.base.errors import InputError, Problem, SimulationError, shown
 from flexarm.cli.failures import reported_warnings, warn
-from flexarm.cli.options import Plot, argument, check_places, flag, option
+from flexarm.cli.options import Limits, Plot, Workers, argument, check_places, flag, option
 from flexarm.cli.tables import console, numbers, print_line, save_figure
 
 if TYPE_CHECKING:
@@ -48,21 +48,11 @@ def sweep(
     scheduler: Annotated[
         str | None, option("ADDRESS", "Scheduler of a Dask cluster: tcp://HOST:8786.")
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="Processes here; by default one for each core."),
-    ] = None,
+    workers: Workers = None,
     chunk: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Samples of a task; measured by default.")
     ] = None,
-    limits: Annotated[
-        list[str] | None,
-        option(
-            "NAME=VALUE",
-            "A run above it counts as failed: tip_error_peak=0.01; repeatable.",
-            "--limit",
-        ),
-    ] = None,
+    limits: Limits = None,
     plot: Plot = None,
 ) -> None:
     """Run a study for many samples of uncertain numbers: quantiles and failure rates."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning, warn_of_first
 from flexarm.base.arguments import check_kind, check_list_of, check_number
-from flexarm.base.errors import InputError, Problem, check_frequencies, public_call
+from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.control.analysis.margins import (
     ROUNDED_GROWTH,
     check_single_rate,
@@ -27,7 +27,7 @@ from flexarm.control.analysis.sampled_loop import ComplexArray, Response, Sample
 from flexarm.control.analysis.structured import structured_bound
 from flexarm.control.contract.base import Controller, Reference, check_reference
 from flexarm.control.hardware.measurement import FloatArray
-from flexarm.linear.models.state_space import control_system
+from flexarm.linear.models.state_space import StateSpaceModel, control_system
 from flexarm.model import Contact, Hardware
 
 if TYPE_CHECKING:
@@ -220,8 +220,8 @@ def fitted_weight(omega: FloatArray, size: FloatArray) -> tuple[dict[str, float]
     return numbers, np.exp(magnitude(raised))
 
 
-@dataclass(frozen=True, eq=False)
-class SampledModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class SampledModel(StateSpaceModel):
     """Sampled linear model of small deviations: x+ = A x + B u, y = C x + D u.
 
     Attributes:
@@ -230,34 +230,16 @@ class SampledModel:
         sample_time: time between samples, s.
     """
 
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     sample_time: float
 
-    def __repr__(self) -> str:
-        sizes = f"{len(self.A)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
-        return f"<flexarm.SampledModel: {sizes}, {self.sample_time:g} s>"
+    def _about(self) -> str:
+        return f", {self.sample_time:g} s"
 
-    @public_call
-    def frequency_response(self, omega: Any) -> NDArray[np.complex128]:
-        """Return the response to harmonic inputs, (frequencies, outputs, inputs), complex.
-
-        NaN at the frequency of an undamped pole, where no steady response exists.
-
-        Args:
-            omega: (frequencies,) rad/s, or one number, whose response is (outputs, inputs).
-
-        Raises:
-            InputError: if ``omega`` is not a finite number or an array of them.
-        """
-        omega = check_frequencies(omega)
-        z = np.exp(1j * self.sample_time * np.atleast_1d(omega))
-        values = (Response(self.A, self.B, self.C)(z) + self.D).astype(np.complex128)
-        return values if omega.ndim else values[0]
+    def _response(self, omega: FloatArray) -> NDArray[np.complex128]:
+        response = Response(self.A, self.B, self.C)(np.exp(1j * self.sample_time * omega))
+        return (response + self.D).astype(np.complex128)
 
     @public_call
     def to_control(self) -> control.StateSpace:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import modal_size
@@ -410,15 +411,14 @@ class RecordedRun:
         self._joints = arm.joint_index
         self.missing = np.zeros((steps, model.unbalanced))  # zero along a simulated run
         try:
-            self._time = np.asarray(run.time.values, dtype=np.float64)
-            self._q, self._qd = np.asarray(run.q.values), np.asarray(run.qd.values)
-            self._torque = np.asarray(run.torque.values)
-        except AttributeError:
+            time, q, qd, torque = (run[name].values for name in ("time", "q", "qd", "torque"))
+        except (TypeError, KeyError, AttributeError):
             raise InputError(Problem("nominal", "be a result of simulate", shown(run))) from None
-        shapes = self._q.shape, self._torque.shape
-        if shapes != ((self._time.size, arm.dof), (self._time.size, arm.n_joints)):
+        if (q.shape, torque.shape) != ((time.size, arm.dof), (time.size, arm.n_joints)):
             rule = f"be a run of an arm with {arm.dof} coordinates and {arm.n_joints} joints"
-            raise InputError(Problem("nominal", rule, f"one with {self._q.shape[1]} coordinates"))
+            raise InputError(Problem("nominal", rule, f"one with {q.shape[1]} coordinates"))
+        self._ends, self._q = time[[0, -1]], CubicHermiteSpline(time, q, qd)
+        self._qd, self._torque = (make_interp_spline(time, rows, k=1) for rows in (qd, torque))
 
     def reset(self) -> None:
         """Return to the start of the run."""
@@ -427,39 +427,20 @@ class RecordedRun:
     def at(self, t: float, reference: Reference | None) -> Nominal:
         """Return the nominal motion at t (s)."""
         self._now = t
-        q, qd = self._state(t)
-        torque = self._torque_from(t)
-        angle = q[self._joints]
+        q, qd = np.split(self.states(1)[0], 2)
         shown = self._show(q[None], qd[None])[0]
-        return Nominal(angle, q, qd, torque, self.missing[0], shown)
+        return Nominal(q[self._joints], q, qd, self.torques(1)[0], self.missing[0], shown)
 
     def torques(self, count: int) -> FloatArray:
         """Return the torques (count, joints) from the current sample on, N m."""
-        times = self._now + self._sample_time * np.arange(count)
-        return np.array([self._torque_from(t) for t in times])
+        # At mid-sample: a zero-order-hold torque has the effect of its mean.
+        times = self._now + self._sample_time * (np.arange(count) + 0.5)
+        return np.asarray(self._torque(times.clip(*self._ends)))
 
     def states(self, count: int) -> FloatArray:
         """Return q and qd (count, 2 dof) from the current sample on."""
-        times = self._now + self._sample_time * np.arange(count)
-        return np.array([np.concatenate(self._state(t)) for t in times.tolist()])
-
-    def _torque_from(self, t: float) -> FloatArray:
-        """Return the torque at mid-sample: a zero-order-hold torque has the effect of its mean."""
-        k, _, s = self._place(t + 0.5 * self._sample_time)
-        return np.asarray((1.0 - s) * self._torque[k] + s * self._torque[k + 1])
-
-    def _place(self, t: float) -> tuple[int, float, float]:
-        """Return the interval of the run at t (s), its length (s) and the fraction before t."""
-        k = int(np.clip(np.searchsorted(self._time, t, side="right") - 1, 0, self._time.size - 2))
-        h = self._time[k + 1] - self._time[k]
-        return k, h, min(max((t - self._time[k]) / h, 0.0), 1.0)
-
-    def _state(self, t: float) -> tuple[FloatArray, FloatArray]:
-        k, h, s = self._place(t)
-        a, b, da, db = self._q[k], self._q[k + 1], h * self._qd[k], h * self._qd[k + 1]
-        rise = b - a
-        q = a + s * (da + s * (3.0 * rise - 2.0 * da - db + s * (da + db - 2.0 * rise)))
-        return q, (1.0 - s) * self._qd[k] + s * self._qd[k + 1]
+        times = (self._now + self._sample_time * np.arange(count)).clip(*self._ends)
+        return np.hstack([self._q(times), self._qd(times)])
 
 
 def chord_matrix(arm: Arm) -> FloatArray:

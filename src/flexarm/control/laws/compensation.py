@@ -69,7 +69,6 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
         return np.array(self.memory.get("estimate", np.zeros(self.arm.n_joints)))
 
     def reset(self) -> None:
-        """Clear the state of the previous run, including the inner controller."""
         super().reset()
         self._taken = self._filtered()
 

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_each, check_flag, check_limits, check_numbers
-from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.base.errors import InputError, Problem, check_array, public_call, raise_any, shown
 from flexarm.control.contract.base import (
     JOINTS,
     Arrays,
@@ -144,8 +144,7 @@ class JointPID(JointFollower, JointPIDParameters):
         self._weight: RigidModel | SaggingArm | None = None
         if arm is not None:
             limits = {"torque_limit": self.torque_limit}
-            if problems := joint_problems(arm.n_joints, limits):
-                raise InputError(*problems)
+            raise_any(joint_problems(arm.n_joints, limits))
             self._weight = SaggingArm(arm) if self.sag else RigidModel(arm)
         elif self.sag:
             raise InputError(Problem("arm", "is required with sag"))

@@ -81,6 +81,7 @@ class RobustFollower(JointFollower, RobustParameters, OfArm):
         rate = typical_rate(self.arm, vars(self)["sample_time"])
         if self.bandwidth is None:
             self.bandwidth = np.full(joints, BANDWIDTH * rate)
+        self._states = 0  # of the controller, set by the design
         # The constructor leaves the number in the dictionary of the object, under the property.
         self._sample_time: float = vars(self).pop("sample_time")
         self._design_for(self._sample_time)
@@ -101,6 +102,14 @@ class RobustFollower(JointFollower, RobustParameters, OfArm):
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
         return ControllerRequirements(self.arm.n_joints, JOINTS)
+
+    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
+        return {"state": np.zeros((*readings.joint_angle.shape[:-1], self._states))}
+
+    def _errors(self, readings: Measurement, inputs: Arrays) -> FloatArray:
+        """Return the errors of angles and rates, (..., 2 joints)."""
+        angle, rate = inputs["reference_angle"], inputs["reference_rate"]
+        return np.concatenate([readings.joint_angle - angle, readings.joint_rate - rate], axis=-1)
 
 
 class LoopShaping(RobustFollower, LoopShapingParameters):
@@ -164,14 +173,9 @@ class LoopShaping(RobustFollower, LoopShapingParameters):
         """
         return min(one.margin for one in self.designs)
 
-    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        return {"state": np.zeros((*readings.joint_angle.shape[:-1], self._states))}
-
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
-        angle = inputs["reference_angle"]
-        errors = readings.joint_angle - angle, readings.joint_rate - inputs["reference_rate"]
-        known = np.concatenate([memory["state"], *errors], axis=-1)
-        result = applied(self._arrays.at(angle)[0], known)
+        known = np.concatenate([memory["state"], self._errors(readings, inputs)], axis=-1)
+        result = applied(self._arrays.at(inputs["reference_angle"])[0], known)
         state, torque = result[..., : self._states], result[..., self._states :]
         return {"state": state}, self._with_feedforward(torque, inputs)
 
@@ -260,6 +264,7 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
         whole = A, B @ plant.shown, plant.root @ C, plant.root @ D @ plant.shown
         sampled = cont2discrete(whole, self.sample_time, method="bilinear")[:4]
         self.A, self.B, self.C, self.D = sampled
+        self._states = len(self.A)
         growth = sampled_growth(plant.model, sampled, self.sample_time)
         if growth * self.sample_time > _ROUNDING:
             text = (
@@ -289,13 +294,8 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
         )
         return np.unique(np.concatenate(parts))
 
-    def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        return {"state": np.zeros((*readings.joint_angle.shape[:-1], len(self.A)))}
-
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
-        state, angle = memory["state"], inputs["reference_angle"]
-        errors = readings.joint_angle - angle, readings.joint_rate - inputs["reference_rate"]
-        error = np.concatenate(errors, axis=-1)
+        state, error = memory["state"], self._errors(readings, inputs)
         torque = self._with_feedforward(applied(self.C, state) + applied(self.D, error), inputs)
         return {"state": applied(self.A, state) + applied(self.B, error)}, torque
 

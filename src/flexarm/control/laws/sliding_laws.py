@@ -81,7 +81,6 @@ class SlidingController(OfArm, Controller):
         self.reset()
 
     def reset(self) -> None:
-        """Clear the state of the previous run."""
         super().reset()
         self._forget_slow = 1.0 - math.exp(-2.0 * math.pi * self._washout * self.sample_time)
 

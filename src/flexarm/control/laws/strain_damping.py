@@ -159,7 +159,6 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         return is_law(self.inner) and self.inner.analytic
 
     def reset(self) -> None:
-        """Clear the state of the previous run, including the inner controller."""
         from scipy.signal import cont2discrete
 
         super().reset()

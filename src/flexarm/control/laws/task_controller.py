@@ -410,7 +410,6 @@ class AdaptiveForce(AdaptiveForceParameters, HybridForce):
         return {"stiffness_push": stiffness, "slope_push": slope, "friction": friction}
 
     def reset(self) -> None:
-        """Clear the memory and the reference."""
         super().reset()
         self._rougher.reset()
         self._surface.reset()

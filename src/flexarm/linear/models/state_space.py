@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -232,7 +232,47 @@ def control_system(model: Any, **options: Any) -> control.StateSpace:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearModel:
+class StateSpaceModel:
+    """Base of linear models: matrices, and names of inputs and outputs."""
+
+    A: FloatArray
+    B: FloatArray
+    C: FloatArray
+    D: FloatArray
+
+    def __repr__(self) -> str:
+        of: Any = self
+        sizes = f"{len(of.A)} states, {len(of.inputs)} inputs, {len(of.outputs)} outputs"
+        return f"<flexarm.{type(self).__name__}: {sizes}{self._about()}>"
+
+    def _about(self) -> str:
+        """Return further words for the description, with a comma; none here."""
+        return ""
+
+    @public_call
+    def frequency_response(self, omega: Any) -> NDArray[np.complex128]:
+        """Return the response to harmonic inputs, (frequencies, outputs, inputs), complex.
+
+        The unit is output unit per input unit. NaN at the frequency of an undamped pole, where no
+        steady response exists.
+
+        Args:
+            omega: (frequencies,) rad/s, or one number, whose response is (outputs, inputs).
+
+        Raises:
+            InputError: if ``omega`` is not a finite number or an array of them.
+        """
+        omega = check_frequencies(omega)
+        response = self._response(np.atleast_1d(omega))
+        return response if omega.ndim else response[0]
+
+    def _response(self, omega: FloatArray) -> NDArray[np.complex128]:
+        """Return the response at frequencies (f,), rad/s."""
+        return frequency_response(self.A, self.B, self.C, self.D, omega)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearModel(StateSpaceModel):
     """Linear model of small deviations: x' = A x + B u, y = C x + D u; (S.1), (S.2).
 
     Attributes:
@@ -249,27 +289,19 @@ class LinearModel:
     in ``q`` and ``qd``; ``states`` names them.
     """
 
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
-    D: FloatArray
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    units: dict[str, str] = field(repr=False)
-    mass: FloatArray = field(repr=False)
-    damping: FloatArray = field(repr=False)
-    stiffness: FloatArray = field(repr=False)
-    q: FloatArray = field(repr=False)
-    qd: FloatArray = field(repr=False)
-    torque: FloatArray = field(repr=False)
-    drift: FloatArray = field(repr=False)
-    output: FloatArray = field(repr=False)
+    units: dict[str, str]
+    mass: FloatArray
+    damping: FloatArray
+    stiffness: FloatArray
+    q: FloatArray
+    qd: FloatArray
+    torque: FloatArray
+    drift: FloatArray
+    output: FloatArray
     references: ClassVar[str] = "SquireTrapp1998"
-
-    def __repr__(self) -> str:
-        sizes = f"{len(self.states)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
-        return f"<flexarm.LinearModel: {sizes}>"
 
     def _repr_html_(self) -> str:
         signals = {"input": self.inputs, "output": self.outputs, "state": self.states}
@@ -282,23 +314,6 @@ class LinearModel:
         from scipy.linalg import eigvals
 
         return slowest_first(eigvals(self.A))
-
-    @public_call
-    def frequency_response(self, omega: Any) -> NDArray[np.complex128]:
-        """Return the response to harmonic inputs, (frequencies, outputs, inputs), complex.
-
-        The unit is output unit per input unit. NaN at the frequency of an undamped pole, where no
-        steady response exists.
-
-        Args:
-            omega: (frequencies,) rad/s, or one number, whose response is (outputs, inputs).
-
-        Raises:
-            InputError: if ``omega`` is not a finite number or an array of them.
-        """
-        omega = check_frequencies(omega)
-        response = frequency_response(self.A, self.B, self.C, self.D, np.atleast_1d(omega))
-        return response if omega.ndim else response[0]
 
     @public_call
     def zeros(self, input: str | None = None, output: str | None = None) -> Any:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, raise_any, shown
 from flexarm.model.arm.joints import Friction, Joint
 from flexarm.model.arm.links import Link
 from flexarm.model.arm.mechanism import (
@@ -156,8 +156,7 @@ def varied_spec(
         rule = "is not supported for an arm without payload"
         problems.append(Problem("payload_factor", rule, hint="Give payload_mass in kg."))
     rubbing = _friction(problems, friction, spec.joints)
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     carried = {"mass": spec.payload.mass * payload, "inertia": spec.payload.inertia * payload}
     if payload_mass is not None:
         carried = {"mass": payload_mass, "inertia": spec.payload.inertia}

@@ -75,11 +75,9 @@ class RigidTree(RigidChain):
 
     @property
     def joints(self) -> int:
-        """Number of joints."""
         return int(self._arm.n_joints)
 
     def tip(self, joint_angles: FloatArray) -> FloatArray:
-        """Return the tip position (..., 2) in world axes, m, at joint angles (..., n)."""
         arm = self._arm
         q = np.zeros((*joint_angles.shape[:-1], 2, arm.dof))
         q[..., 0, arm.joint_index] = joint_angles

@@ -175,7 +175,6 @@ class AddedTorque(Around):
         self.inner, self.torque, self.interval = inner, torque, interval
 
     def requirements(self, arm: Arm, reference: Reference | None) -> ControllerRequirements:
-        """See ``Controller.requirements``."""
         inner = requirements_of(self.inner, arm, reference)
         joints = self.torque.shape[1]
         return inner._replace(joints=joints if joints != arm.n_joints else inner.joints)
@@ -189,7 +188,6 @@ class AddedTorque(Around):
     def step(
         self, memory: Arrays, readings: Measurement, inputs: Arrays
     ) -> tuple[Arrays, FloatArray]:
-        """See ``Controller.step``."""
         inside, torque = self._inner_step(memory, readings, inputs)
         return inside, torque + inputs["added_torque"]
 

@@ -384,9 +384,9 @@ def _within_limits(
     total = 0
     margins = [np.zeros(bound.lower.shape) for bound in task.bounds]
     slack = [task.slack(bound) for bound in task.bounds]
-    problem = transcription.Transcription(task, plan, iterations, near=False)
-    for _ in range(_ROUNDS):
-        answer = problem.solve(plan, margins)
+    for k in range(_ROUNDS):
+        problem = transcription.Transcription(task, plan, margins, iterations, near=k > 0)
+        answer = problem.solve()
         total += answer.iterations
         if not answer.converged:
             raise _not_converged(task, answer)
@@ -406,7 +406,6 @@ def _within_limits(
             # The start and the end, which may be on a bound, must remain within narrower ones.
             margins = [np.minimum(w, s) for w, s in zip(wider, slack, strict=True)]
         plan = plan.refined(intervals, task.continuous)
-        problem = transcription.Transcription(task, plan, iterations, near=True)
     for bound, most in zip(task.bounds, over, strict=True):
         if most > _ACCEPTED:
             reason = f"the full model exceeds the limit {bound.name!r} by {100.0 * most:.2g} %"

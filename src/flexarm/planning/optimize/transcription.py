@@ -69,10 +69,13 @@ class _Sizes(NamedTuple):
 class Transcription:
     """The nonlinear program of one problem, with intervals and sizes of the first guess.
 
-    If guesses are ``near`` a solution, the solver stays near them.
+    If the guess is ``near`` a solution, the solver stays near it. All bounds are narrower by
+    ``margins`` (k,).
     """
 
-    def __init__(self, task: Task, guess: Plan, iterations: int, near: bool) -> None:
+    def __init__(
+        self, task: Task, guess: Plan, margins: Sequence[FloatArray], iterations: int, near: bool
+    ) -> None:
         self.model = casadi_model(task.arm)
         import casadi
 
@@ -83,64 +86,63 @@ class Transcription:
         self.quiet = _QUIET[task.objective] if phase > _UNRESOLVED else 0.0
         self.sizes = _sizes(task, guess)
         self.scale = _Sizes._make(map(casadi.DM, self.sizes))
-        self._build({"max_iter": iterations, **(_NEAR if near else {})})
+        self.guess, self.margins = self._scaled(guess), margins
+        self.ipopt = {"max_iter": iterations, **(_NEAR if near else {})}
 
-    def solve(self, guess: Plan, margins: Sequence[FloatArray]) -> Answer:
-        """Solve from a guess, with all bounds narrower by margins (k,)."""
-        lower, upper = self._bounds(margins)
-        solver = self._solver
-        found = solver(x0=self._packed(guess), **self._box, lbg=lower, ubg=upper)
-        stats, x = solver.stats(), np.array(found["x"]).ravel()
-        g = np.array(found["g"]).ravel()
+    def solve(self) -> Answer:
+        """Solve from the guess."""
+        casadi, guess = self.casadi, self.guess
+        unknowns = {name: casadi.MX.sym(name, *value.shape) for name, value in guess.items()}
+        goal, constraints = self._program(**unknowns)
+        rows, *sides = zip(*constraints, strict=True)
+        lower, upper = (
+            np.concatenate([np.resize(s, row.numel()) for s, row in zip(side, rows, strict=True)])
+            for side in sides
+        )
+        x = casadi.veccat(*unknowns.values())
+        quiet = {"print_level": 0, "sb": "yes", "tol": _TOLERANCE}
+        options = {"print_time": False, "ipopt": {**quiet, **self.ipopt}}
+        program = {"x": x, "f": goal, "g": casadi.veccat(*rows)}
+        solver = casadi.nlpsol("optimal_motion", "ipopt", program, options)
+        ends = self._unknown_bounds()
+        given = (casadi.veccat(*map(casadi.DM, part.values())) for part in (guess, *ends))
+        found = solver(**dict(zip(("x0", "lbx", "ubx"), given, strict=True)), lbg=lower, ubg=upper)
+        g, stats = np.array(found["g"]).ravel(), solver.stats()
         violation = float(np.max(np.maximum(lower - g, g - upper), initial=0.0))
         status = str(stats["return_status"])
         converged = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
-        return Answer(self._plan(x), status, converged, int(stats["iter_count"]), violation)
+        parts = casadi.Function("parts", [x], [*unknowns.values()])(found["x"])
+        plan = self._plan(*(np.array(part).T for part in parts))
+        return Answer(plan, status, converged, int(stats["iter_count"]), violation)
 
-    def _build(self, ipopt: dict[str, Any]) -> None:
-        """Set the solver, with options of IPOPT, and the bounds of the unknowns."""
-        mx, N, arm = self.casadi.MX, self.intervals, self.task.arm
-        shapes = self._shapes()
-        T, q, slope, curve, torque = parts = [mx.sym(n, *s) for n, s in shapes.items()]
-        first = torque[:, :-1] if self.task.continuous else torque
-        last = torque[:, 1:] if self.task.continuous else torque
-        repeated = self.casadi.repmat(T, 1, N)
-        each = self._interval().map(N)
-        residual, q_end, slope_end, bounded, cost = each(
-            q[:, :-1], slope[:, :-1], curve, first, last, repeated
+    def _program(
+        self, T: Any, q: Any, slope: Any, curve: Any, torque: Any
+    ) -> tuple[Any, list[tuple[Any, Any, Any]]]:
+        """Return the objective and the constraints of the scaled unknowns, with their bounds."""
+        task, N, repmat = self.task, self.intervals, self.casadi.repmat
+        first, last = (torque[:, :-1], torque[:, 1:]) if task.continuous else (torque, torque)
+        residual, q_end, slope_end, bounded, cost = self._interval().map(N)(
+            q[:, :-1], slope[:, :-1], curve, first, last, repmat(T, 1, N)
         )
-        vec = self.casadi.vec
-        rows = [vec(residual), vec(q[:, 1:] - q_end), vec(slope[:, 1:] - slope_end), vec(bounded)]
-        if self.task.continuous:
+        gaps = q[:, 1:] - q_end, slope[:, 1:] - slope_end
+        rows: list[tuple[Any, Any, Any]] = [(part, 0.0, 0.0) for part in (residual, *gaps)]
+        pairs = zip(task.bounds, self.margins, strict=True)
+        sides = zip(*([s / b.size for s in b.within(margin)] for b, margin in pairs), strict=True)
+        low, high = (np.concatenate(side) for side in sides) if task.bounds else ((), ())
+        rows.append((bounded, low, high))
+        if task.continuous:
             step = torque[:, 1:] - torque[:, :-1]
-            limited = np.flatnonzero(np.isfinite(self.task.torque_rate)).tolist()
-            most = (self.task.torque_rate / self.sizes.torque)[limited] * self.duration / N
-            allowed = self.casadi.repmat(self.casadi.DM(most) * T, 1, N)
-            rows += [vec(side * step[limited, :] - allowed) for side in (1.0, -1.0)]
+            limited = np.flatnonzero(np.isfinite(task.torque_rate)).tolist()
+            most = (task.torque_rate / self.sizes.torque)[limited] * self.duration / N
+            allowed = repmat(self.casadi.DM(most) * T, 1, N)
+            rows += [(side * step[limited, :] - allowed, -np.inf, 0.0) for side in (1.0, -1.0)]
         if self.modes is not None:
-            away = self.scale.q * q[:, -1] - self.casadi.DM(self.task.end.q)
+            away = self.scale.q * q[:, -1] - self.casadi.DM(task.end.q)
             rate = self.scale.slope * slope[:, -1]
-            rows.append(self._scaled_modes(self.sizes.q) @ away)
-            rows.append(self._scaled_modes(self.sizes.slope) @ rate)
-        unknown = self.casadi.vertcat(*map(vec, parts))
+            rows.append((self._scaled_modes(self.sizes.q) @ away, 0.0, 0.0))
+            rows.append((self._scaled_modes(self.sizes.slope) @ rate, 0.0, 0.0))
         total = self.casadi.sum2(cost)
-        goal = T + total if self.task.objective == "time" else total
-        program = {"x": unknown, "f": goal, "g": self.casadi.vertcat(*rows)}
-        quiet = {"print_level": 0, "sb": "yes", "tol": _TOLERANCE}
-        options = {"print_time": False, "ipopt": {**quiet, **ipopt}}
-        self._solver = self.casadi.nlpsol("optimal_motion", "ipopt", program, options)
-        self._box = self._unknown_bounds(shapes, arm.joint_index)
-
-    def _shapes(self) -> dict[str, tuple[int, int]]:
-        """Return the shapes of the unknowns."""
-        N, dof, joints = self.intervals, self.task.arm.dof, self.task.arm.n_joints
-        return {
-            "T": (1, 1),
-            "q": (dof, N + 1),
-            "slope": (dof, N + 1),
-            "curve": (dof, STAGES * N),
-            "torque": (joints, N + 1 if self.task.continuous else N),
-        }
+        return T + total if task.objective == "time" else total, rows
 
     def _interval(self) -> Any:
         """Return the function of one interval, over scaled unknowns."""
@@ -196,70 +198,44 @@ class Transcription:
             return shaking + smooth
         return (effort if self.task.objective == "energy" else smooth) + self.quiet * shaking
 
-    def _unknown_bounds(self, shapes: dict[str, tuple[int, int]], joint: Any) -> dict[str, Any]:
+    def _unknown_bounds(self) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
         """Return the bounds of the unknowns: rest at both ends, torques, and the duration."""
-        lower = {name: np.full(shape, -np.inf) for name, shape in shapes.items()}
-        upper = {name: np.full(shape, np.inf) for name, shape in shapes.items()}
+        lower = {name: np.full(value.shape, -np.inf) for name, value in self.guess.items()}
+        upper = {name: np.full(value.shape, np.inf) for name, value in self.guess.items()}
         task, sizes = self.task, self.sizes
         free = task.duration is None
         lower["T"][:], upper["T"][:] = (_SHORTEST, _LONGEST) if free else (1.0, 1.0)
         most = (task.torque / sizes.torque)[:, None]
         lower["torque"][:], upper["torque"][:] = -most, most
-        last = np.arange(task.arm.dof) if self.modes is None else joint
+        last = np.arange(task.arm.dof) if self.modes is None else task.arm.joint_index
         for part in (lower, upper):
             part["q"][:, 0], part["slope"][:, 0] = task.start.q / sizes.q, 0.0
             part["q"][last, -1], part["slope"][last, -1] = (task.end.q / sizes.q)[last], 0.0
             if task.continuous:
                 part["torque"][:, 0] = task.start.torque / sizes.torque
                 part["torque"][:, -1] = task.end.torque / sizes.torque
-        return {"lbx": _columns(lower.values()), "ubx": _columns(upper.values())}
-
-    def _bounds(self, margins: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Return the bounds of the constraints, in their order in the program."""
-        N, dof = self.intervals, self.task.arm.dof
-        zero = np.zeros((STAGES + 2) * dof * N)
-        lower, upper = [zero], [zero]
-        pairs = [
-            [side / bound.size for side in bound.within(margin)]
-            for bound, margin in zip(self.task.bounds, margins, strict=True)
-        ]
-        for k, side in enumerate((lower, upper)):
-            one = np.concatenate([pair[k] for pair in pairs]) if pairs else np.zeros(0)
-            side.append(np.tile(one, (STAGES + 1) * N))
-        if self.task.continuous:
-            count = 2 * N * np.count_nonzero(np.isfinite(self.task.torque_rate))
-            lower.append(np.full(count, -np.inf))
-            upper.append(np.zeros(count))
-        if self.modes is not None:
-            for side in (lower, upper):
-                side.append(np.zeros(2 * len(self.modes)))
-        return np.concatenate(lower), np.concatenate(upper)
+        return lower, upper
 
     def _scaled_modes(self, sizes: FloatArray) -> Any:
         """Return the rows of the resting modes, divided by their size for such coordinates."""
         assert self.modes is not None
         return self.casadi.DM(self.modes / np.linalg.norm(self.modes * sizes, axis=1)[:, None])
 
-    def _packed(self, plan: Plan) -> FloatArray:
-        """Return the unknowns of a plan."""
-        s = self.sizes
-        torque = plan.torque[:, 0]
+    def _scaled(self, plan: Plan) -> dict[str, FloatArray]:
+        """Return the unknowns of a plan, a column for each node, stage or interval."""
+        s, torque = self.sizes, plan.torque[:, 0]
         if self.task.continuous:
             torque = np.vstack([torque, plan.torque[-1:, 1]])
         torque = np.clip(torque, -self.task.torque, self.task.torque)
-        duration = np.array([[plan.duration / self.duration]])
         curve = plan.curve.reshape(-1, plan.curve.shape[-1])
-        parts = [plan.q / s.q, plan.slope / s.slope, curve / s.curve, torque / s.torque]
-        return _columns([duration, *(part.T for part in parts)])
+        rows = {"T": np.array([[plan.duration / self.duration]]), "q": plan.q / s.q}
+        rows |= {"slope": plan.slope / s.slope, "curve": curve / s.curve}
+        return {name: part.T for name, part in (rows | {"torque": torque / s.torque}).items()}
 
-    def _plan(self, x: FloatArray) -> Plan:
-        """Return the plan of the unknowns."""
-        shapes = list(self._shapes().values())
-        ends = np.cumsum([rows * columns for rows, columns in shapes])
-        T, q, slope, curve, torque = (
-            part.reshape(columns, rows)
-            for part, (rows, columns) in zip(np.split(x, ends[:-1]), shapes, strict=True)
-        )
+    def _plan(
+        self, T: FloatArray, q: FloatArray, slope: FloatArray, curve: FloatArray, torque: FloatArray
+    ) -> Plan:
+        """Return the plan of the unknowns, a row for each node, stage or interval."""
         s, task = self.sizes, self.task
         torque = np.clip(torque * s.torque, -task.torque, task.torque)
         first, last = (torque[:-1], torque[1:]) if task.continuous else (torque, torque)
@@ -270,11 +246,6 @@ class Transcription:
             curve=(curve * s.curve).reshape(self.intervals, STAGES, -1),
             torque=np.stack([first, last], axis=1),
         )
-
-
-def _columns(parts: Any) -> FloatArray:
-    """Return matrices as one vector, column by column as CasADi does."""
-    return np.concatenate([np.asarray(part).ravel(order="F") for part in parts])
 
 
 def _sizes(task: Task, guess: Plan) -> _Sizes:

@@ -20,7 +20,7 @@ from flexarm.base.arguments import (
     check_number,
     check_positive,
 )
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, raise_any, shown
 from flexarm.control.analysis.margins import recommended_sample_time
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import equilibrium, modes
@@ -281,8 +281,7 @@ def typical_hardware(
 def checked_hardware(arm: Arm, hardware: Hardware, task: str) -> Hardware:
     """Return the hardware of a machine; InputError if it does not fit the arm or the task."""
     faults = instrument_faults(arm.spec, hardware, task == "force")
-    if problems := [fault.problem("hardware") for fault in faults]:
-        raise InputError(*problems)
+    raise_any([fault.problem("hardware") for fault in faults])
     if hardware.instruments is None:
         return hardware
     read = readings_of(hardware)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from itertools import product
@@ -14,7 +13,6 @@ from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_number, check_positive
 from flexarm.base.errors import (
     FlexarmError,
-    FlexarmWarning,
     InputError,
     Problem,
     SimulationError,
@@ -23,6 +21,7 @@ from flexarm.base.errors import (
     public_call,
     shown,
     warn_caller,
+    without_warnings,
 )
 from flexarm.control.contract.base import Controller, Reference
 from flexarm.model import Change, Hardware, Load
@@ -218,8 +217,7 @@ def evaluated(
 ) -> Evaluation:
     """Simulate one run and return its metrics, also if it fails."""
     try:
-        with warnings.catch_warnings():  # kept with the numbers
-            warnings.simplefilter("ignore", FlexarmWarning)
+        with without_warnings():  # kept with the numbers
             result, reference = run()
     except SimulationError as error:
         return Evaluation(failure=str(error), unstable=_unstable(error.result))

@@ -15,7 +15,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, raise_any, shown
 from flexarm.control.analysis.linear_controller import LinearController, StepMap
 from flexarm.control.contract.base import Controller, Reference, Rest, has_poles
 from flexarm.control.hardware.measurement import FloatArray, Measurement, Readings
@@ -192,8 +192,7 @@ class RecordedLoop(ClosedLoop):
             if item.output not in self._signals:
                 rule = "be a channel that follows from q and qd, for derivatives of runs"
                 problems.append(Problem(f"{name}.signal", rule, shown(item.signal)))
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
 
     def _update(self, t: float, measurement: Measurement) -> FloatArray:
         if not self.updates:

@@ -22,7 +22,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.closed import sized_gaps
 from flexarm.arm.observe import contact_values
 from flexarm.base.arguments import check_list_of
-from flexarm.base.errors import InputError, Problem, nearest, shown, suggestion
+from flexarm.base.errors import InputError, Problem, nearest, raise_any, shown, suggestion
 from flexarm.control.design.arm_scales import size_of_zero
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
@@ -248,8 +248,7 @@ class Parameters:
                 self._refuse_opening(name, path, found[-1])
             except InputError as error:
                 problems += error.problems
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         return found
 
     def _derivative(self, name: str, path: str) -> Inputs:
@@ -393,8 +392,7 @@ def refuse_unsupported(function: Callable[..., Any], arguments: Mapping[str, Any
         for name in arguments
         if name not in vars(function)["keywords"]
     ]
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
 
 
 def channels_of_states(arm: Arm) -> list[str]:
@@ -420,8 +418,7 @@ def check_channels(arm: Arm, argument: str, given: Sequence[str] | None) -> list
         for k, name in enumerate(names)
         if name not in possible
     ]
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     return names
 
 

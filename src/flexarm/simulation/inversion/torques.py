@@ -10,7 +10,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -231,7 +231,7 @@ _BANDWIDTH, _DAMPING_RATIO = 0.5, 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class CorrectedTorque:
+class CorrectedTorque(MotionTorque):
     """Rigid torque of a motion plus a cubic spline, as a function of time.
 
     Attributes:
@@ -239,9 +239,6 @@ class CorrectedTorque:
         knots: (N + 7,) s; each end has three additional knots.
         coefficients: (N + 3, joints) N m; before and after the knots the spline is constant.
     """
-
-    #: Whether the torque accepts an array of times, for ``simulate``.
-    vectorized: ClassVar[bool] = True
 
     rigid: RigidTorque
     knots: FloatArray
@@ -254,27 +251,21 @@ class CorrectedTorque:
         )
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> Motion:  # type: ignore[override]
         """The reference motion."""
         return self.rigid.motion
-
-    @property
-    def joints(self) -> int:
-        """Number of joints n."""
-        return self.rigid.joints
 
     @property
     def breaks(self) -> tuple[float, ...]:
         """Times (s) at which the torque or its slope may jump, and the ends of the spline."""
         return tuple(sorted({*self.rigid.breaks, float(self.knots[0]), float(self.knots[-1])}))
 
-    def __call__(self, t: ArrayLike) -> FloatArray:
-        """Return the joint torques (n,) at a time (s), or (T, n) at times (T,); N m."""
+    def _at(self, times: FloatArray) -> FloatArray:
         from scipy.interpolate import BSpline
 
-        inside = np.clip(np.asarray(t, dtype=np.float64), self.knots[0], self.knots[-1])
+        inside = np.clip(times, self.knots[0], self.knots[-1])
         added: FloatArray = BSpline(self.knots, self.coefficients, DEGREE)(inside)
-        return self.rigid(t) + added
+        return self.rigid(times) + added
 
 
 def spline_knots(start: float, end: float, spacing: float) -> FloatArray:

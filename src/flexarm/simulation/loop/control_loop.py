@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import as_slice, is_plain
-from flexarm.base.errors import InputError, Problem, SimulationError, check_array, shown
+from flexarm.base.errors import InputError, Problem, SimulationError, check_array, raise_any, shown
 from flexarm.base.processes import single_threaded_algebra
 from flexarm.control.contract.base import (
     Controller,
@@ -341,8 +341,7 @@ class ClosedLoop(RunLoop):
     ) -> None:
         contacts = run.loads.placed.contacts.body.size
         problems = misfits(controller, run.arm, reference, hardware, contacts)
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         self.controller, self.reference = controller, reference
         self._reference = sampled_reference(reference, controller.sample_time, run.duration)
         super().__init__(run, controller.sample_time, hardware)

@@ -14,7 +14,7 @@ from flexarm.arm.actions import marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView, as_slice
 from flexarm.arm.observe import channels_of, contact_forces, contact_values
-from flexarm.base.errors import InputError, Problem
+from flexarm.base.errors import InputError, Problem, raise_any
 from flexarm.control.contract.base import joint_problems
 from flexarm.control.hardware.measurement import Readings
 from flexarm.integrate.base import FloatArray, System
@@ -56,8 +56,7 @@ class Acting:
             rule = "is not supported for joints with a winding"
             hint = "Their torque is that at standstill: give its limit as torque_limit."
             problems.append(Problem("hardware.motors.voltage_limit", rule, hint=hint))
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
         self._lag, self._delay = self._motors.time_constant, self._motors.delay
         self._waiting: deque[tuple[float, FloatArray]] = deque()
         self._since: list[float] = []

@@ -24,6 +24,7 @@ from flexarm.base.errors import (
     SimulationError,
     check_array,
     public_call,
+    raise_any,
     shown,
     warn_caller,
 )
@@ -488,8 +489,7 @@ def _partner(
         problems.append(Problem("controller.sample_time", rule, shown(controller.sample_time)))
     if needed.joints not in (None, joints):
         problems.append(Problem("controller", f"be for {joints} joints", shown(needed.joints)))
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     return OwnController(controller, reference, joints)
 
 
@@ -538,8 +538,7 @@ def _controller_loop(
     if 0 < len(sent) < len(REFERENCE):
         rule = f"contain all of {', '.join(REFERENCE)}, or none"
         problems.append(Problem("readings", rule, ", ".join(sent)))
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     return ControllerLoop(controller, address, Layout(sizes), reference, Clock(), timeout)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import IntArray
 from flexarm.base.arguments import check_list_of, check_number
-from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.errors import InputError, Problem, raise_any, shown
 from flexarm.base.user_functions import call
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Change
@@ -336,8 +336,7 @@ def arm_changes(
         if not isinstance(change.at, str) and change.at > duration:
             rule = f"be at most {duration:g} s, the duration of the run"
             problems.append(Problem(f"changes[{k}].at", rule, shown(change.at)))
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     courses = [_course(k, changes, arm.spec, duration) for k in range(len(changes))]
     found = ArmChanges(arm, changes, courses)
     if log is not None:

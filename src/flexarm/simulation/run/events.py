@@ -25,6 +25,7 @@ from flexarm.base.errors import (
     SimulationError,
     check_array,
     public_call,
+    raise_any,
     shown,
 )
 from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
@@ -77,8 +78,7 @@ class Event:
             problems.append(Problem("direction", "be -1, 0 or 1", shown(self.direction)))
         if not isinstance(self.terminal, bool):
             problems.append(Problem("terminal", "be True or False", shown(self.terminal)))
-        if problems:
-            raise InputError(*problems)
+        raise_any(problems)
 
 
 @public_call
@@ -285,8 +285,7 @@ def event_log(arm: Arm, events: Sequence[Event]) -> EventLog | None:
         if made_for is not arm and getattr(made_for, "spec", arm.spec) != arm.spec:
             hint = "With a plant, create the events for the plant."
             problems.append(Problem(f"events[{k}]", "was created for another arm", hint=hint))
-    if problems:
-        raise InputError(*problems)
+    raise_any(problems)
     return EventLog(list(events), names) if events else None
 
 

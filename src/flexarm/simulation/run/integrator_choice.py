@@ -228,14 +228,9 @@ def _choose_by_longest(choice: Choice, arm: Arm, longest: float) -> Choice:
     if angle <= _STABLE:
         return choice
     reason = f"a step covers {angle:.3g} rad of the fastest vibration, at which rk4 is unstable"
-    if arm.closure_rows:
-        doubt = (
-            "The step is only the first one: no method with fixed steps is stable and keeps loops."
-        )
-        reason = f"order 5 with bending implicit: {reason}"
-        return choice._replace(integrator=KennedyCarpenter5(step=step), reason=reason, doubt=doubt)
-    if arm.assembly.has_sticking:
-        doubt = "The step is only the first one: no method with fixed steps is stable and sticks."
+    if arm.closure_rows or arm.assembly.has_sticking:
+        lost = "keeps loops" if arm.closure_rows else "sticks"
+        doubt = f"The step is only the first one: no method with fixed steps is stable and {lost}."
         reason = f"order 5 with bending implicit: {reason}"
         return choice._replace(integrator=KennedyCarpenter5(step=step), reason=reason, doubt=doubt)
     doubt = (

@@ -112,7 +112,6 @@ class Sheet(Figure):
             super().__init__(**options)
 
     def draw(self, renderer: Any) -> None:
-        """See ``Figure.draw``."""
         with styled(self._medium):
             super().draw(renderer)
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import ipaddress
 from hmac import compare_digest
-from http.cookies import CookieError, SimpleCookie
-from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
+from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -50,18 +49,16 @@ class Guard:
             await refusal(scope, receive, send)
 
     def _refusal(self, scope: Scope) -> Response | None:
-        headers = {
-            name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]
-        }
-        host = headers.get("host", "")
+        request = HTTPConnection(scope)
+        host = request.headers.get("host", "")
         if self._local and not is_loopback(_name_of(host)):
             return PlainTextResponse("This studio is reached from its own machine only.", 403)
-        origin = headers.get("origin")
+        origin = request.headers.get("origin")
         if origin is not None and urlsplit(origin).netloc != host:
             return PlainTextResponse("Requests of other pages are refused.", 403)
-        if _same(_value_of(self._cookie, headers.get("cookie", "")), self._token):
+        if _same(request.cookies.get(self._cookie, ""), self._token):
             return None
-        given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+        given = request.query_params.get("token", "")
         if scope["type"] == "http" and scope["path"] == "/" and self._opens(given):
             response = RedirectResponse("/", 303)
             response.set_cookie(self._cookie, self._token, httponly=True, samesite="strict")
@@ -86,12 +83,3 @@ def _name_of(host: str) -> str:
         return urlsplit(f"//{host}").hostname or ""
     except ValueError:
         return ""
-
-
-def _value_of(name: str, text: str) -> str:
-    """Return the value of a cookie; empty if it is missing."""
-    try:
-        cookie: Any = SimpleCookie(text).get(name)
-    except CookieError:
-        return ""
-    return "" if cookie is None else str(cookie.value)
