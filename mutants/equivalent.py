@@ -49,12 +49,12 @@ EQUIVALENT: dict[str, dict[tuple[str, str], str]] = {
     },
     "newmark.py": {
         (
-            "_PASSES = 50",
-            "_PASSES = 49",
+            "_PASSES, _USUAL = 50, 3",
+            "_PASSES, _USUAL = 49, 3",
         ): _ENOUGH,
         (
-            "_PASSES = 50",
-            "_PASSES = 51",
+            "_PASSES, _USUAL = 50, 3",
+            "_PASSES, _USUAL = 51, 3",
         ): _ENOUGH,
         (
             "break",
