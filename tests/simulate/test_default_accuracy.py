@@ -105,6 +105,21 @@ def test_rough_samples_of_torques(name):
         assert np.abs(other.tip - exact.tip).max() < result.attrs["accuracy"]
 
 
+def test_rounding_and_the_torque_of_held_joints_are_not_rough():
+    link = fa.Link(length=0.8, flexural_rigidity=50.0, mass_per_length=0.5, elements=2)
+    arm = fa.Arm(links=[link] * 2, joints=[fa.Joint(hub_inertia=0.1, damping=0.1)] * 2)
+    times, noise = np.arange(501) / 1e3, np.random.default_rng(0).normal(size=501)
+    smooth = np.sin(6.0 * times)
+    hold = {"prescribed": {2: fa.PrescribedAngle.hold(0.1)}}
+    for size, held in ((1e-14, {}), (1e-2, hold), (1e-2, {})):
+        steps = [
+            fa.simulate(arm, 0.5, torque=np.stack([smooth, other], 1), **held, progress=False)
+            for other in (0.0 * noise, size * noise)
+        ]
+        plain, noisy = (result.attrs["steps"] for result in steps)
+        assert noisy == plain or (size == 1e-2 and not held and noisy >= 500)
+
+
 def test_struck_links_keep_small_tolerances():
     """Runs at 1e-6 of such arms erred by up to 2.3 times the default accuracy."""
     link = fa.Link(

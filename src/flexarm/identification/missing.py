@@ -132,7 +132,7 @@ def _left_without_gap(problem: FitProblem, fit: Fit) -> float:
     """Return the squared residuals of a fit of everything but backlash.
 
     Where a parameter is wrong or an effect is missing, the residuals of a fit are far from linear
-    in it, so that a gap may resemble them more than the effect does. Infinite if the fit fails.
+    in it, so that a gap may resemble them more than the effect does. Zero if the fit fails.
     """
     runs, space, case = problem.runs, problem.space, problem.space.case(None, fit.vector)
     spec, rates = case.spec, smoothing_rates(runs, case)
@@ -150,7 +150,7 @@ def _left_without_gap(problem: FitProblem, fit: Fit) -> float:
         best = fit_from(rival, np.array(start), "linear", _EVALUATIONS, COARSE)
         return float(np.sum(rival.weighted(best.vector, best.outputs) ** 2))
     except (FitFailure, FlexarmError):
-        return np.inf
+        return 0.0
 
 
 def smoothing_rates(runs: Sequence[RecordRun], case: Case) -> FloatArray:
@@ -172,10 +172,12 @@ def with_coulomb(spec: ArmSpec, index: int, coulomb: float, rate: float) -> ArmS
 
 def _sentence(candidate: _Candidate, size: float, share: float) -> str:
     unit = f" {candidate.unit}" if candidate.unit else ""
+    # While a joint moves, both act alike.
+    alike = ", or friction of each direction" if candidate.path.startswith("offsets.torque") else ""
     return (
-        f"The residuals show {effect_name(candidate.path)} of about {size:.2g}{unit} that the "
-        f"model lacks ({100.0 * share:.0f} % of their power). The standard deviations contain the "
-        "change of the estimates by it."
+        f"The residuals show {effect_name(candidate.path)} of about {size:.2g}{unit}{alike} that "
+        f"the model lacks ({100.0 * share:.0f} % of their power). The standard deviations contain "
+        "the change of the estimates by it."
     )
 
 

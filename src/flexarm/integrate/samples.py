@@ -148,8 +148,8 @@ def between_ends(
     kinetic energies up to 10,000 times. Vibrations at the start of a long step that the method
     ``damps`` are gone at its end. Their accelerations would move the samples by up to 10,000 times
     their amplitude, and their rates by 100 times. Then the polynomial leaves out its term
-    x^2 (1 - x)^3, which meets the acceleration at the start, and, unless that is small beside it,
-    x (1 - x)^3, which meets the rate.
+    x^2 (1 - x)^3, which matches the acceleration at the start, and also x (1 - x)^3, which matches
+    the rate, if that is far smaller.
     """
     s = ends.shape[0] - 1
     fine = h * tolerance.fastest > SHORT

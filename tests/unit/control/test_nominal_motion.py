@@ -1,6 +1,7 @@
 """Nominal motions of linear controllers: previewed, recorded, and interpolated over postures."""
 
 import numpy as np
+import pytest
 from linear_arm import POSTURE, arm_with_gauges
 
 import flexarm as fa
@@ -31,6 +32,18 @@ def test_recorded_run_is_cubic_between_its_samples():
     # Error of a cubic through values and rates: fourth derivative times 0.02^4 / 384, for the
     # acceleration of the vibration, up to 200 rad/s^2 at 60 rad/s.
     np.testing.assert_allclose(found, often.q.values[:, joints], rtol=0, atol=3e-4)
+
+
+def test_runs_that_cannot_be_interpolated_are_refused():
+    arm = arm_with_gauges()
+    planned = fa.simulate(arm, 0.1, torque=lambda t: [0.1, 0.0], rate=100.0)
+    broken = planned.copy(deep=True)
+    broken["q"].values[3, 0] = np.nan
+    for run in (broken, planned.isel(time=slice(1)), planned.isel(time=[0, 2, 1])):
+        with pytest.raises(
+            fa.InputError, match="nominal must have at least two samples, all finite"
+        ):
+            fa.LQG(arm, [0.5, 0.75], nominal=run)._nominal_motion()
 
 
 class Sweep:

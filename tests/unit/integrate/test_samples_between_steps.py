@@ -38,7 +38,7 @@ def test_samples_between_steps(method):
 
 
 def test_samples_after_a_vibration():
-    """A long step loses the vibration at its start, whose acceleration says nothing of the step."""
+    """A long step loses the vibration at its start, and samples leave out what belongs to it."""
     length, mass = 0.8, 0.5
     link = fa.Link(
         length=length,

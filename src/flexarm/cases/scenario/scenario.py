@@ -73,7 +73,6 @@ from flexarm.simulation.run.changes import arm_changes
 from flexarm.simulation.run.contacts import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulation.run.events import event_log, events_of
 from flexarm.simulation.run.integrator_choice import check_integrator
-from flexarm.simulation.run.tolerance import RTOL
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -463,8 +462,6 @@ def _set_drive(
         history = sampled_torque(
             values, drive.rate, scenario.run.duration, arm.n_joints, drive.interpolation
         )
-        if options.keys().isdisjoint(("accuracy", "step")):
-            history = history.stopping_where_rough(options.get("rtol", RTOL))
         options["torque"] = history if start.holding is None else history.shifted(start.holding)
         options["torque_interpolation"] = drive.interpolation
     elif drive.kind in FEEDFORWARD_DRIVES:

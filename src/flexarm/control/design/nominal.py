@@ -417,6 +417,10 @@ class RecordedRun:
         if (q.shape, torque.shape) != ((time.size, arm.dof), (time.size, arm.n_joints)):
             rule = f"be a run of an arm with {arm.dof} coordinates and {arm.n_joints} joints"
             raise InputError(Problem("nominal", rule, f"one with {q.shape[1]} coordinates"))
+        whole = all(np.isfinite(values).all() for values in (time, q, qd, torque))
+        if time.size < 2 or not whole or np.any(np.diff(time) <= 0.0):
+            rule = "have at least two samples, all finite, in order of time"
+            raise InputError(Problem("nominal", rule, f"times {shown(time)}" if whole else "NaN"))
         self._ends, self._q = time[[0, -1]], CubicHermiteSpline(time, q, qd)
         self._qd, self._torque = (make_interp_spline(time, rows, k=1) for rows in (qd, torque))
 

@@ -35,8 +35,8 @@ from flexarm.kernels.recursion.articulated_body import solve_implicit
 #: Number of passes after which a step has failed, and of those that are usual.
 _PASSES, _USUAL = 50, 3
 #: Allowed change by further passes, relative to the allowed error of a step. It is small because
-#: the remaining error has the same sign over thousands of steps; that of rounding has not, which
-#: is all that changes a point where passes that have come this close change it no less than before.
+#: the remaining error has the same sign over thousands of steps. Rounding errors have no common
+#: sign: a point is also accepted if its change is below the second number and decreases no more.
 _SOLVED, _ROUNDED = 1e-3, 0.1
 #: Smallest tolerance relative to the state, because of rounding errors.
 _ROUNDING = 1e-12

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.actions import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import check_joint
 from flexarm.arm.closed import refuse_opening
 from flexarm.base.arguments import (
     about_degrees,
@@ -260,6 +261,7 @@ def torque_history(
     """
     joints, duration, settings = arm.n_joints, situation.duration, situation.settings
     breaks, spacing = settings.breaks, 1.0 / settings.rate
+    prescribed = situation.prescribed or {}
     if torque is None:
         history = PiecewiseCubic.constant(np.zeros(joints))
     elif callable(torque):
@@ -268,15 +270,25 @@ def torque_history(
     elif isinstance(torque, PiecewiseCubic):
         history = torque.held_to(duration)
     else:
-        kind = settings.torque_interpolation
-        history = sampled_torque(torque, settings.rate, duration, joints, kind, breaks)
-        if settings.accuracy is None and settings.step is None:  # a second run verifies an accuracy
-            history = history.stopping_where_rough(relative_tolerance(settings, arm))
-    prescribed = situation.prescribed or {}
+        kind, samples = settings.torque_interpolation, driving_samples(arm, torque, prescribed)
+        history = sampled_torque(samples, settings.rate, duration, joints, kind, breaks)
+    sampled = torque is not None and not callable(torque)
+    if sampled and settings.step is None and settings.accuracy is None:  # which is verified
+        history = history.stopping_where_rough(relative_tolerance(settings, arm))
     driven = prescribe(arm, prescribed, state, history, duration, relative, breaks, spacing)
     if prescribed:
         check_loops(arm, state, prescribed)
     return driven
+
+
+def driving_samples(arm: Arm, torque: ArrayLike, prescribed: Collection[int]) -> FloatArray:
+    """Return samples (samples, joints) of a torque, zero for joints with a prescribed motion."""
+    samples = check_array("torque", torque, (-1, arm.n_joints))
+    held = [check_joint(arm, "each key of prescribed", joint) for joint in prescribed]
+    if held:
+        samples = samples.copy()
+        samples[:, held] = 0.0
+    return samples
 
 
 #: The start of each mechanism, with prescribed joints, that was accepted last.

@@ -34,7 +34,7 @@ from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.linear.step_derivatives.parameters import POWERS, constants_at, scaled, scales_of
 from flexarm.model import Link
 from flexarm.model.paths import number_at, parts_of, with_number
-from flexarm.simulation.calls.preparation import Situation
+from flexarm.simulation.calls.preparation import Situation, driving_samples
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.derivatives.differences import SMOOTH, differences
 from flexarm.simulation.derivatives.dual_run import (
@@ -378,7 +378,8 @@ def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]
         return None
     samples, joints = np.shape(torque)
     history = history_of(relative_tolerance(settings, situation.simulated))
-    edges = spline_edges(np.asarray(torque, dtype=np.float64), settings.rate, settings.breaks)
+    driving = driving_samples(situation.simulated, torque, situation.prescribed or ())
+    edges = spline_edges(driving, settings.rate, settings.breaks)
     return Samples(history, (samples, joints), settings.rate, settings.torque_interpolation, edges)
 
 

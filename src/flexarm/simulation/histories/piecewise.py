@@ -29,8 +29,8 @@ _FIRST_PIECES = 64
 _STILL, _PULSE, _STOPS, _JUMP = 0.05, 0.1, 9, 1e-9
 #: Least difference of cubic terms, at the ends of their pieces and over the largest value, that is
 #: rough, over the relative tolerance. At the default, 1e-7, it is that of noise of 1e-5 of this
-#: value; that of a sine is a tenth of it at 50 samples a period.
-_ROUGH = 3e2
+#: value, or of a sine at 35 samples a period. Least such value, over that of all columns.
+_ROUGH, _FAINT = 3e2, 1e-6
 #: Types of rows that can be checked together.
 _PLAIN = {tuple, list, np.ndarray}
 #: Maximum number of instants of the comparison, so that it takes a fraction of a second.
@@ -385,7 +385,7 @@ def find_kinks(samples: FloatArray) -> NDArray[np.intp]:
     bend = np.abs(np.diff(samples, n=2, axis=0))
     if len(bend) < 3:
         return np.zeros(0, dtype=np.intp)
-    floor = 1e-9 * np.max(np.abs(samples), axis=0, initial=0.0)
+    floor = 1e-9 * np.max(np.abs(samples), initial=0.0)
     beside = np.maximum(bend[:-2], bend[2:])
     stands_out = np.any(bend[1:-1] > _KINK * beside + floor, axis=1)
     return np.flatnonzero(stands_out) + 2
@@ -517,14 +517,16 @@ class PiecewiseCubic:
         """Add stops where samples jump or contain noise, for a relative tolerance of a run.
 
         A step over several samples sees little of what turns the spline between them. The cubic
-        terms of neighbouring pieces then differ, and differ otherwise at the next sample.
+        terms of neighbouring pieces then differ, and their difference changes from sample to
+        sample. Rounding errors beside other columns do not count.
         """
-        width, cubic = np.diff(self.breaks), self.coefficients[:, 3]
+        values, cubic = np.abs(self.coefficients[:, 0]).max(axis=0), self.coefficients[:, 3]
+        width, shares = np.diff(self.breaks), np.maximum(values, _FAINT * values.max(initial=0.0))
         jumps = np.diff(cubic, axis=0) * np.minimum(width[:-1], width[1:])[:, None] ** 3
         turns = np.diff(jumps, axis=0, append=0.0)
-        size = _ROUGH * relative * np.abs(self.coefficients[:, 0]).max(axis=0, initial=0.0)
-        rough = np.any(np.minimum(np.abs(jumps), np.abs(turns)) > size, axis=1)
-        return replace(self, stops=np.union1d(self.stops, self.breaks[1:-1][rough]))
+        rough = np.minimum(np.abs(jumps), np.abs(turns)) > _ROUGH * relative * shares
+        stops = np.union1d(self.stops, self.breaks[1:-1][np.any(rough, axis=1)])
+        return replace(self, stops=stops)
 
     def _pieces_at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the coefficients (T, 4, columns) at times (T,), and the times (T, 1) in them."""

@@ -72,7 +72,7 @@ _LIMITS = (
         "number of impacts on the stops; with fixed steps or several joints, those at samples",
     ),
     Channel("contact_depth", ("contact",), "m", "largest depth in the surface, at the samples"),
-    Channel("integration_error", (), "m", "of the tip, estimated by a second run; in batches"),
+    Channel("integration_error", (), "m", "error of the tip, estimated by a second run"),
 )
 
 #: Numbers of a whole run about its limits, by name.
