@@ -302,9 +302,13 @@ def prepared_fit(
 
 
 def _warn_of_far_estimates(parameters: xr.Dataset) -> None:
-    """Warn of estimates far from their start: of another unit, or from times of another one."""
+    """Warn of estimates far from their start: of another unit, or from times of another one.
+
+    Those that the data do not determine are anywhere.
+    """
     start, estimate = parameters["start"].values, parameters["estimate"].values
-    ratio = np.divide(estimate, start, out=np.ones_like(start), where=start > 0.0)
+    known = (start > 0.0) & (parameters["standard_deviation"].values < np.abs(estimate))
+    ratio = np.divide(estimate, start, out=np.ones_like(start), where=known)
     far = np.flatnonzero((ratio > _FAR) | ((ratio > 0.0) & (ratio < 1.0 / _FAR)))
     if far.size:
         names = parameters["parameter"].values
