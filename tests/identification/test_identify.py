@@ -69,7 +69,9 @@ def test_a_record_that_was_not_fitted_is_predicted(tmp_path):
     assert again.spec.links[0].flexural_rigidity == found[RIGIDITY]
 
 
+# The data sheet has a wrong distance of the gauge, which acts as a gain of its strain.
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:The residuals show a relative error:flexarm.AccuracyWarning")
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_parameters_that_cannot_be_determined_are_named(seed):
     free = [RIGIDITY, "joints[0].hub_inertia", "joints[0].rotor_inertia", "joints[0].mass"]
@@ -114,7 +116,9 @@ def test_iterations_limit_all_rounds_together(monkeypatch):
     assert sum(counts) <= 5
 
 
+# Of a record of 1.5 s, rigidity and distance of the gauge have an effect together.
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:Another arm fits:flexarm.IdentifiabilityWarning")
 def test_a_geared_link_of_exudyn_is_recovered():
     """Ten parameters of an elastic drive with friction in gravity; the pair of rotor inertia and
     gear ratio, of which only a product acts, is named."""
@@ -150,6 +154,7 @@ def test_records_may_start_in_motion():
     at_rest = record(ONE.name, 3, start=2.0, end=4.0)
     with warnings.catch_warnings():  # large residuals leave the payload undetermined
         warnings.simplefilter("ignore", fa.IdentifiabilityWarning)
+        warnings.simplefilter("ignore", fa.AccuracyWarning)  # the angle drifts
         wrong = fa.identify(arm, at_rest, free, progress=False)
     assert np.all(wrong.fit["fit"] < found.fit["fit"] - 5.0)
 

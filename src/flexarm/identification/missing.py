@@ -173,7 +173,8 @@ def with_coulomb(spec: ArmSpec, index: int, coulomb: float, rate: float) -> ArmS
 def _sentence(candidate: _Candidate, size: float, share: float) -> str:
     unit = f" {candidate.unit}" if candidate.unit else ""
     # While a joint moves, both act alike.
-    alike = ", or friction of each direction" if candidate.path.startswith("offsets.torque") else ""
+    offset = candidate.path.startswith("offsets.torque")
+    alike = ", or friction of each direction," if offset else ""
     return (
         f"The residuals show {effect_name(candidate.path)} of about {size:.2g}{unit}{alike} that "
         f"the model lacks ({100.0 * share:.0f} % of their power). The standard deviations contain "

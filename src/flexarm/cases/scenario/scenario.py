@@ -73,6 +73,7 @@ from flexarm.simulation.run.changes import arm_changes
 from flexarm.simulation.run.contacts import refuse_deep_start, refuse_pressing_outward
 from flexarm.simulation.run.events import event_log, events_of
 from flexarm.simulation.run.integrator_choice import check_integrator
+from flexarm.simulation.run.tolerance import RTOL
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -462,7 +463,10 @@ def _set_drive(
         history = sampled_torque(
             values, drive.rate, scenario.run.duration, arm.n_joints, drive.interpolation
         )
-        options["torque"] = history if start.holding is None else history.shifted(start.holding)
+        history = history if start.holding is None else history.shifted(start.holding)
+        if options.keys().isdisjoint(("accuracy", "step")):
+            history = history.stopping_where_rough(options.get("rtol", RTOL))
+        options["torque"] = history
         options["torque_interpolation"] = drive.interpolation
     elif drive.kind in FEEDFORWARD_DRIVES:
         options["torque"] = with_holding(followed.torque, start)

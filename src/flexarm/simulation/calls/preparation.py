@@ -267,14 +267,13 @@ def torque_history(
     elif callable(torque):
         check_function("torque", torque)
         history = function_history(torque, duration, joints, relative, breaks, spacing=spacing)
-    elif isinstance(torque, PiecewiseCubic):
+    elif isinstance(torque, PiecewiseCubic):  # whoever made it decides where steps end
         history = torque.held_to(duration)
     else:
         kind, samples = settings.torque_interpolation, driving_samples(arm, torque, prescribed)
         history = sampled_torque(samples, settings.rate, duration, joints, kind, breaks)
-    sampled = torque is not None and not callable(torque)
-    if sampled and settings.step is None and settings.accuracy is None:  # which is verified
-        history = history.stopping_where_rough(relative_tolerance(settings, arm))
+        if settings.step is None and settings.accuracy is None:  # which is verified
+            history = history.stopping_where_rough(relative_tolerance(settings, arm))
     driven = prescribe(arm, prescribed, state, history, duration, relative, breaks, spacing)
     if prescribed:
         check_loops(arm, state, prescribed)
