@@ -272,7 +272,8 @@ def torque_history(
     else:
         kind, samples = settings.torque_interpolation, driving_samples(arm, torque, prescribed)
         history = sampled_torque(samples, settings.rate, duration, joints, kind, breaks)
-        if settings.step is None and settings.accuracy is None:  # which is verified
+        # A second run verifies an accuracy, and a given step decides itself.
+        if settings.step is None and settings.accuracy is None:
             history = history.stopping_where_rough(relative_tolerance(settings, arm))
     driven = prescribe(arm, prescribed, state, history, duration, relative, breaks, spacing)
     if prescribed:
