@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -37,6 +36,7 @@ from flexarm.base.errors import (
 )
 from flexarm.base.user_functions import call
 from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.linear.tables import evaluated, tabulated
 from flexarm.linear.vibration.modal import lowest_frequency, modes
 from flexarm.model.quantities import NonNegative, Positive
 from flexarm.motion.dynamics.dynamics_along import MotionTorque, TipConstraint, dynamics_along
@@ -338,11 +338,11 @@ class _Search:
         raise InputError(Problem("the bent arm", rule, hint=hint))
 
 
-#: Number of instants between two breaks at which the bending of the links is computed.
+#: Number of instants at which warnings look for the largest bending.
 _INSTANTS = 161
 _NEWTON_STEPS = 12
-#: Gauss points between two breaks of the bending, and number of times averaged in one batch.
-_POINTS, _CHUNK = 32, 512
+#: Gauss points between two breaks of the bending.
+_POINTS = 32
 #: Amplitudes of the cosines in the window (C.15) for each order. The second one has no second
 #: moment: the average of a parabola is its value in the middle.
 _FLAT = (2.0 * np.pi**2 / 3.0 - 1.0) / 3.0
@@ -414,19 +414,26 @@ class QuasiStaticReference(DerivedMotion):
     def coordinates(self, times: FloatArray) -> list[FloatArray]:
         """Return q, qd and qdd of the bent arm, (T, dof) each, at times (T,)."""
         times = check_times("times", times).reshape(-1)
-        parts = [self._averages(times[k : k + _CHUNK]) for k in range(0, len(times), _CHUNK)]
-        if not parts:
-            return [np.zeros((0, self.arm.dof))] * 3
-        whole = [np.concatenate(part) for part in zip(*parts, strict=True)]
+        parts = evaluated(self._averaged, np.array(self.breaks), times)
+        whole = list(parts.reshape(len(times), 3, self.arm.dof).swapaxes(0, 1))
         for array, rigid in zip(whole, self.motion.at(times), strict=True):
             array[:, self.arm.joint_index] += rigid
         return whole
 
-    def _averages(self, times: FloatArray) -> list[FloatArray]:
-        """Return the averaged bending and its two derivatives, those of the window; (C.15)."""
+    @cached_property
+    def _averaged(self) -> list[BSpline]:
+        """Averages (3 dof,) of ``_averages``: before, between two breaks each, after."""
+        turn = 2.0 * np.pi / self.smoothing
+        sizes = np.outer((1.0, turn, turn**2), coordinate_sizes(self.arm)).reshape(-1)
+        return tabulated(self.breaks, self._averages, sizes)
+
+    def _averages(self, times: FloatArray) -> FloatArray:
+        """Return the averaged bending and its two derivatives (T, 3 dof); (C.15)."""
         half = 0.5 * self.smoothing
         ages, shares = window_points(times, self._moving.breaks, (-half, half), _POINTS)
-        bent = self._bent(times[:, None] - ages)
+        counted = np.any(shares > 0.0, axis=0)  # no weight between breaks outside the window
+        ages, shares = ages[:, counted], shares[:, counted]
+        bent = evaluated(self._bends, np.array(self._moving.breaks), times[:, None] - ages)
         turn = 2.0 * np.pi / self.smoothing
         moving = (times >= self.start_time) & (times < self.end_time)
         windows = np.zeros((3, *ages.shape))
@@ -437,17 +444,8 @@ class QuasiStaticReference(DerivedMotion):
             windows[1] -= part * w * np.sin(w * ages)
             windows[2] -= part * w**2 * np.cos(w * ages)
         windows[1:] *= moving[:, None]
-        return [np.einsum("tk,tkd->td", shares * window, bent) for window in windows]
-
-    def _bent(self, times: FloatArray) -> FloatArray:
-        """Return the unaveraged corrections of the rigid q, (T, k, dof), at times (T, k)."""
-        breaks = np.array(self._moving.breaks)
-        inside = np.clip(times, breaks[0], breaks[-1])
-        piece = np.searchsorted(breaks, times, side="right")
-        bent = np.empty((*times.shape, self.arm.dof))
-        for k in np.unique(piece):
-            bent[piece == k] = self._bends[k](inside[piece == k])
-        return bent
+        averages = np.einsum("wtk,tk,tkd->twd", windows, shares, bent)
+        return np.asarray(averages.reshape(len(times), -1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -539,28 +537,10 @@ def _bent_by(
     moving: Motion, constraint: TipConstraint, window: float, order: int
 ) -> QuasiStaticReference:
     """Return the reference whose links bend under the rates and accelerations of a motion."""
-    from scipy.interpolate import make_interp_spline
-
-    # Chebyshev-Lobatto spacing is dense at the ends, where the bending changes abruptly.
-    places = 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _INSTANTS)))
-    pieces = []
-    for a, b in pairwise(moving.breaks):
-        times = a + (b - a) * places
-        times[0], times[-1] = a, np.nextafter(b, -np.inf)
-        pieces.append(make_interp_spline(times, _bending(constraint, moving, times), k=5))
-    span = moving.end_time - moving.start_time
-    ends = (moving.start_time - span, moving.end_time + span)
-    before, after = (_rest(constraint, moving, t) for t in ends)
-    bends = (before, *pieces, after)
+    bending, sizes = partial(_bending, constraint, moving), coordinate_sizes(constraint.arm)
+    bends = tuple(tabulated(moving.breaks, bending, sizes))
     fields = (window, order, moving, _WINDOWS[order], bends)
     return QuasiStaticReference(constraint.motion, constraint.arm, *fields)
-
-
-def _rest(constraint: TipConstraint, moving: Motion, t: float) -> BSpline:
-    from scipy.interpolate import BSpline
-
-    value = _bending(constraint, moving, np.array([t]))
-    return BSpline(np.array([t, t + 1.0]), value, 0, extrapolate=True)
 
 
 def _bending(constraint: TipConstraint, moving: Motion, times: FloatArray) -> FloatArray:

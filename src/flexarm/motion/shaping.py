@@ -351,13 +351,16 @@ class SmoothedMotion(DerivedMotion):
         return ages, shares * WINDOWS[self.window](ages / self.span)
 
 
+_gauss = lru_cache(np.polynomial.legendre.leggauss)
+
+
 def window_points(
     times: Floats, breaks: Sequence[float], window: tuple[float, float], count: int
 ) -> tuple[Floats, Floats]:
     """Return ages (T, k) s of Gauss points over a window before each time, and their shares."""
     ago = np.clip(times[:, None] - np.array(breaks), *window)
     edges = np.sort(np.pad(ago, ((0, 0), (1, 1)), constant_values=((0, 0), window)))
-    nodes, weights = np.polynomial.legendre.leggauss(count)
+    nodes, weights = _gauss(count)
     middle, half = 0.5 * (edges[:, 1:] + edges[:, :-1]), 0.5 * np.diff(edges, axis=1)
     ages = (middle[:, :, None] + half[:, :, None] * nodes).reshape(len(times), -1)
     shares = (half[:, :, None] * weights).reshape(ages.shape) / (window[1] - window[0])
