@@ -15,6 +15,7 @@ import sys
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import wraps
 from reprlib import Repr
@@ -415,13 +416,30 @@ class ImplausibleValueWarning(FlexarmWarning):
     """A number is physically implausible, as if it were in another unit."""
 
 
+_KEPT: ContextVar[list[tuple[str, type[Warning]]] | None] = ContextVar("flexarm_kept", default=None)
+
+
 def warn_caller(text: str, category: type[Warning]) -> None:
     """Warn at the nearest calling line outside this package, at any depth of the call."""
+    if (kept := _KEPT.get()) is not None:
+        kept.append((text, category))
+        return
     package = __name__.partition(".")[0]
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] == package:
         frame, level = frame.f_back, level + 1
     warnings.warn(text, category, stacklevel=level)
+
+
+@contextmanager
+def kept_warnings() -> Iterator[list[tuple[str, type[Warning]]]]:
+    """Collect the arguments of `warn_caller` of the calls within, to warn with a kept result."""
+    kept: list[tuple[str, type[Warning]]] = []
+    token = _KEPT.set(kept)
+    try:
+        yield kept
+    finally:
+        _KEPT.reset(token)
 
 
 @contextmanager

@@ -35,7 +35,7 @@ from flexarm.base.errors import (
     warn_caller,
 )
 from flexarm.base.user_functions import call
-from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.linear.statics.equilibrium import equilibrium, equilibrium_near
 from flexarm.linear.tables import evaluated, tabulated
 from flexarm.linear.vibration.modal import lowest_frequency, modes
 from flexarm.model.quantities import NonNegative, Positive
@@ -96,7 +96,7 @@ class PressedMotion:
     ) -> None:
         search = _Search(arm, motion, friction)
         with one_warning():
-            held = [search.at(t, force(t), normal(t)) for t in times.tolist()]
+            held = search.along(times, force, normal)
         angle, torque, pressing, self._bent = map(np.array, zip(*held, strict=True))
         self._given = (arm, motion, force, normal, times)
         self.motion, self.friction = motion, friction
@@ -294,32 +294,49 @@ class _Search:
         self._beside = np.zeros(arm.n_joints)
         self._drift = np.zeros(arm.n_joints)  # its change between two times
 
-    def at(self, t: float, force: float, normal: FloatArray) -> tuple[FloatArray, ...]:
-        """Return the equilibrium at time t (s) under a force (N) along a normal (2,).
+    def along(
+        self,
+        times: FloatArray,
+        force: Callable[[float], float],
+        normal: Callable[[float], FloatArray],
+    ) -> list[tuple[FloatArray, ...]]:
+        """Return the equilibrium at each time (s) under a force (N) along a normal (2,).
 
         Joint angles (joints,) rad, the torques in equilibrium and minus those of the rigid model
         (joints,) N m, and q (dof,).
         """
+        motion, equilibria = self._motion, []
+        angles, rates, _ = motion.state(times)
+        for t, rigid, rate, desired in zip(
+            times.tolist(), angles, rates, motion.tip(times), strict=True
+        ):
+            outward = normal(t)
+            tangent = np.array([-outward[1], outward[0]])
+            J = tip_jacobian(motion.chain.lengths, rigid + motion.chain.offset)
+            sliding = float(np.tanh(tangent @ J @ rate / self._slow))
+            on_tip = force(t) * (outward - self._friction * sliding * tangent)
+            equilibria.append(self._at(t, rigid, desired, on_tip))
+        return equilibria
+
+    def _at(
+        self, t: float, rigid: FloatArray, desired: FloatArray, on_tip: FloatArray
+    ) -> tuple[FloatArray, ...]:
+        """Return the equilibrium with the tip where it is desired (2,) under a force (2,)."""
         arm, motion = self._arm, self._motion
-        tangent = np.array([-normal[1], normal[0]])
-        rigid = np.asarray(motion.joint_angle(t))
-        J = tip_jacobian(motion.chain.lengths, rigid + motion.chain.offset)
-        sliding = float(np.tanh(tangent @ J @ motion.joint_rate(t) / self._slow))
-        on_tip = force * (normal - self._friction * sliding * tangent)
-        angle, desired = rigid + self._beside + self._drift, motion.tip(t)
+        angle = rigid + self._beside + self._drift
         J = tip_jacobian(motion.chain.lengths, angle + motion.chain.offset)
         way = np.asarray(np.linalg.pinv(J, rcond=1e-6), dtype=np.float64)
         step, before = np.zeros(arm.n_joints), np.zeros(2)
         for _ in range(_CORRECTIONS):
             if self._q is None:
-                rest = equilibrium(arm, angle, tip_force=on_tip)
+                self._q = equilibrium(arm, angle, tip_force=on_tip).q
             else:
                 start = self._q.copy()
                 start[arm.joint_index] = angle
-                rest = equilibrium(arm, tip_force=on_tip, start=start)
-            self._q = rest.q
-            missed = arm.tip(rest.q)[:2] - desired
+                self._q = equilibrium_near(arm, start, on_tip)
+            missed = arm.tip(self._q)[:2] - desired
             if np.hypot(*missed) < self._close:
+                rest = equilibrium(arm, tip_force=on_tip, start=self._q)
                 self._drift = angle - rigid - self._beside
                 self._beside = angle - rigid
                 model = self._rigid

@@ -16,7 +16,6 @@ from flexarm.base.errors import InputError, Problem, check_array, public_call, s
 from flexarm.control.analysis.linear_controller import FrozenReference
 from flexarm.control.analysis.sampled_loop import (
     ComplexArray,
-    PlantModel,
     SampledLoop,
     instruments_of,
     loop_of,
@@ -73,15 +72,11 @@ def loop_at(
     contacts: Sequence[Contact] = (),
     reference: Reference | None = None,
     t: float = 0.0,
-    models: dict[Any, tuple[Arm | None, PlantModel]] | None = None,
 ) -> SampledLoop:
-    """Return the linear sampled loop around an arm at rest in a posture (joints,) rad.
-
-    ``models`` keeps the linear arms for further controllers with the same hardware and contacts.
-    """
+    """Return the linear sampled loop around an arm at rest in a posture (joints,) rad."""
     own = getattr(controller, "arm", None)
     own = own if isinstance(own, Arm) else None
-    whole = arm = plant if plant is not None else own
+    arm = plant if plant is not None else own
     assert isinstance(arm, Arm)
     still = FrozenReference(reference, t) if reference is not None else None
     instruments = instruments_of(arm, hardware, len(contacts))
@@ -93,16 +88,10 @@ def loop_at(
     signals = signals_of(instruments)
     rate, (arm, mine_of) = sliding(controller, reference, arm, own if own is not None else arm)
     actuated = next((law.actuated for law in around(controller) if hasattr(law, "actuated")), None)
-    models = {} if models is None else models
-
-    def linear(whole: Arm | None, free: Arm) -> PlantModel:
-        key = id(whole), np.asarray(posture).tobytes(), *map(str, signals)
-        if key not in models:  # with the arm, so that no other one gets its id
-            models[key] = whole, model_at(free, posture, signals, contacts, actuated)
-        return models[key][1]
-
-    model = linear(whole, arm)
-    believed = linear(own, mine_of) if mine_of is not arm else None
+    believed = None
+    model = model_at(arm, posture, signals, contacts, actuated)
+    if mine_of is not arm:
+        believed = model_at(mine_of, posture, signals, contacts, actuated)
     stay = getattr(controller, "at_rest", None)
     mine = stay() if callable(stay) else controller
     return loop_of(mine, model, instruments, hardware, still, t, believed, rate)

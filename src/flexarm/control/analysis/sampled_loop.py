@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property, lru_cache, partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.coordinates import turning_joints
+from flexarm.arm.assembly.coordinates import once_per_arm, turning_joints
+from flexarm.arm.bending import one_warning, warn_of_first
 from flexarm.base.arguments import check_posture
-from flexarm.base.errors import InputError, Problem
+from flexarm.base.errors import InputError, Problem, kept_warnings, warn_caller
 from flexarm.control.analysis.linear_controller import (
     FrozenReference,
     LinearController,
@@ -33,6 +34,9 @@ from flexarm.model import Contact, Hardware, Instrument, InstrumentFault, Motors
 
 #: Largest number of states, and largest period (samples) after which all instruments repeat.
 _MOST_STATES, _MOST_SAMPLES = 1000, 300
+
+#: Models of an arm that are kept.
+_KEPT = 64
 
 #: Tolerance for delays of whole samples, because decimal fractions are rounded.
 _GRID = 1e-9
@@ -299,8 +303,7 @@ def sliding(
     rate = max([0.0, *(sliding_rate(arm) for arm in believed if isinstance(arm, Arm))])
     if rate > 0.0 and reference is None:
         return 0.0, arms
-    free = {id(arm): without_dry_friction(arm) for arm in arms}
-    return rate, tuple(free[id(arm)] for arm in arms)
+    return rate, tuple(map(without_dry_friction, arms))
 
 
 def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[Instrument]:
@@ -329,6 +332,39 @@ def model_at(
     Joints that are not ``actuated`` have no torque.
     """
     angles = check_posture("posture", posture, arm.n_joints, turning_joints(arm))
+    motors = None if actuated is None else tuple(actuated)
+    model, bent, others = _models(arm)(tuple(angles), tuple(signals), tuple(contacts), motors)
+    warn_of_first(bent)
+    for text, kind in others:
+        warn_caller(text, kind)
+    return model
+
+
+@once_per_arm
+def _models(arm: Arm) -> Callable[..., tuple[PlantModel, list[str], list[Any]]]:
+    """Return `_model` for an arm, which keeps its last results."""
+    return lru_cache(_KEPT)(partial(_model, arm))
+
+
+def _model(
+    arm: Arm,
+    posture: tuple[float, ...],
+    signals: tuple[OutputName, ...],
+    contacts: tuple[Contact, ...],
+    actuated: tuple[int, ...] | None,
+) -> tuple[PlantModel, list[str], list[Any]]:
+    """Return the model of `model_at`, with its warnings: of bending, and others."""
+    with one_warning() as bent, kept_warnings() as others:
+        return _linearized(arm, np.array(posture), signals, contacts, actuated), bent, others
+
+
+def _linearized(
+    arm: Arm,
+    angles: FloatArray,
+    signals: Sequence[OutputName],
+    contacts: Sequence[Contact],
+    actuated: Sequence[int] | None,
+) -> PlantModel:
     coordinates = MinimalCoordinates(arm, actuated, angles, contacts)
     rest = coordinates.at_rest(coordinates.closed(angles), contacts)
     model = coordinates.linearized(rest, ("torque",), signals)

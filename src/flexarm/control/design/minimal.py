@@ -17,7 +17,7 @@ import numpy as np
 
 from flexarm.arm.actions import Environment
 from flexarm.arm.arm import Arm
-from flexarm.arm.assembly.coordinates import turning_joints
+from flexarm.arm.assembly.coordinates import once_per_arm, turning_joints
 from flexarm.arm.closed import Motions, closed_posture, held_joints, independent_motions, motions_of
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.control.hardware.measurement import FloatArray
@@ -232,6 +232,7 @@ def sliding_rate(arm: Arm) -> float:
     return max((max(pair) for pair in rates), default=0.0)
 
 
+@once_per_arm
 def without_dry_friction(arm: Arm) -> Arm:
     """Return an arm with viscous friction only; the same object if there is no dry friction."""
     if not sliding_rate(arm):

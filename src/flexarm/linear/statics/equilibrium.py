@@ -269,6 +269,11 @@ def equilibrium(
     return found
 
 
+def equilibrium_near(arm: Arm, q: FloatArray, tip_force: FloatArray) -> FloatArray:
+    """Return q (dof,) at rest with the joints locked as in q, not examined as by `equilibrium`."""
+    return _Search(arm, Environment.of(arm, tip_force)).follow(q, at_once=True)
+
+
 def loose_coordinates(arm: Arm, environment: Environment) -> list[int]:
     """Return the indices in q of coordinates of the base on which no equilibrium depends."""
     if environment.contacts:

@@ -21,7 +21,7 @@ from flexarm.control.analysis.margins import (
     stability_of,
     without_friction,
 )
-from flexarm.control.analysis.sampled_loop import PlantModel, SampledLoop
+from flexarm.control.analysis.sampled_loop import SampledLoop
 from flexarm.control.design.arm_scales import NOISE, near_inertias, rigid_inertias
 from flexarm.control.design.linear_design import CHORD
 from flexarm.control.laws.task_controller import HybridForce, Impedance
@@ -404,7 +404,6 @@ class Loops:
         self._arm = Arm(scenario.arm)
         self._motion = motion_of(self._arm, scenario)
         self._followed: dict[str | None, Followed] = {}
-        self._models: dict[Any, tuple[Arm | None, PlantModel]] = {}
         self.error = ""
 
     def assess(self, drive: Drive) -> tuple[Assessed, list[SampledLoop]]:
@@ -422,10 +421,9 @@ class Loops:
         reference: Any = prepared.followed.motion if contacts else None
         times = [reference.start_time, reference.end_time] if contacts else self._needs.postures
         places = places_of(controller, self._arm, times, reference)
-        models = None if contacts else self._models
         hardware = prepared.options.get("hardware")
         loops = [
-            loop_at(controller, plant, posture, hardware, contacts, reference, t, models)
+            loop_at(controller, plant, posture, hardware, contacts, reference, t)
             for plant in self._plants.values()
             for t, posture in places
         ]

@@ -268,11 +268,12 @@ def _worst(
     def model_of(simulated: Arm) -> PlantModel:
         free = [name for name in signals if touched or name not in _OF_CONTACTS]
         model = model_at(simulated, angle, free, touched)
+        absent = {}
         for name in set(signals) - set(free):  # without contact these signals are zero
             size = len(contacts) * (2 if name == "contact_force" else 1)
             none = np.zeros((size, len(model.A))), np.zeros((size, simulated.n_joints))
-            model.signals[name] = Signal(np.zeros(size), *none)
-        return model
+            absent[name] = Signal(np.zeros(size), *none)
+        return model._replace(signals=model.signals | absent)
 
     believed = model_of(arm) if arm is not plant and len(arm.gauges) == len(plant.gauges) else None
     loop = loop_of(controller, model_of(plant), instruments, hardware, still, t, believed, rate)

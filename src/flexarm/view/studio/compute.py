@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,7 +23,7 @@ from flexarm.control.analysis.margins import loop_margins
 from flexarm.linear import modes
 from flexarm.model import PlantSpec
 from flexarm.model.plausible import implausible
-from flexarm.model.scenarios.scenario import RunSpec
+from flexarm.model.scenarios.scenario import RunSpec, Scenario
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.metrics import METRICS, metrics_of
 from flexarm.view.plot.animation.scene import SceneOptions, player_data, scene_of, thin
@@ -193,12 +194,40 @@ def _outcome(sides: dict[str, Project], results: dict[str, xr.Dataset]) -> tuple
     return tuple(rows)
 
 
+#: The scenarios that were prepared last.
+_RECENT: deque[tuple[Scenario, Prepared]] = deque(maxlen=2)
+
+
 @lru_cache(maxsize=2)
 def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
     """Return the scenario, ready to run, and another simulated arm; kept for the margins."""
-    prepared = prepare(project.scenario)
-    arm = project.simulated_arm
-    return prepared, None if arm == project.scenario.arm else Arm(arm)
+    scenario, arm = project.scenario, project.simulated_arm
+    prepared = prepare(scenario, **_reused(scenario))
+    _RECENT.append((scenario, prepared))
+    return prepared, None if arm == scenario.arm else Arm(arm)
+
+
+def _reused(scenario: Scenario) -> dict[str, Any]:
+    """Return the parts of recent scenarios that this one has, too: a slider changes few values."""
+    parts: dict[str, Any] = {}
+    for before, prepared in _RECENT:
+        if before.arm == scenario.arm:
+            parts["arm"] = prepared.arm
+            if _task(before) == _task(scenario):
+                parts["motion"] = prepared.motion
+                if _followed(before) == _followed(scenario):
+                    parts["followed"] = prepared.followed
+    return parts
+
+
+def _task(scenario: Scenario) -> tuple[Any, ...]:
+    """Return all that a motion depends on beside the arm."""
+    return scenario.motion, scenario.contacts, scenario.run.duration
+
+
+def _followed(scenario: Scenario) -> Any:
+    """Return what the reference or torque along a motion depends on beside it."""
+    return getattr(scenario.drive, "reference_kind", scenario.drive)
 
 
 def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
