@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -107,7 +109,10 @@ def test_the_candidate_with_the_least_error_in_the_worst_case_is_proposed(moved)
 
 @pytest.mark.thorough
 def test_the_scenarios_give_the_errors_of_the_table(moved):
-    for name, scenario in moved.scenarios.items():
+    simulated = moved.table.failure.sel(plant="nominal") == ""
+    assert simulated.any()
+    for name in simulated.candidate.values[simulated]:  # refused candidates are not simulated
+        scenario = moved.scenarios[name]
         result = fa.run_scenario(scenario, progress=False)
         end = scenario.motion.start_time + scenario.motion.duration
         # Two thirds of the rest, rounded, are excluded as settling time.
@@ -298,7 +303,9 @@ def test_a_delay_of_many_sample_times_is_refused():
 @pytest.mark.parametrize(("limit", "weak"), [(0.01, True), (20.0, False)])
 def test_the_reasons_name_motors_that_are_too_weak(limit, weak):
     options = {"computing": "low", "torque_limit": limit, "progress": False}
-    proposal = fa.design(one_link(), "point_to_point", **options)
+    refused = pytest.warns(fa.UnstableLoopWarning, match="more than 5% of the reach")
+    with refused if weak else nullcontext():
+        proposal = fa.design(one_link(), "point_to_point", **options)
     assert any("motor is at its limit" in reason for reason in proposal.reasons) == weak
 
 

@@ -460,7 +460,7 @@ _GAIN_STARTS: dict[str, _Start] = {
     "frequency_hz": lambda of, _: short(of.slowest / (2.0 * np.pi)),
     "frequency": _at_most(lambda of: of.slowest),
     "posture_frequency": _at_most(lambda of: of.slowest),
-    "bandwidth": _at_most(lambda of: 0.5 * of.slowest),
+    "bandwidth": _if_required(lambda of: 0.5 * of.slowest),
     "cutoff": _at_most(lambda of: of.slowest / (2.0 * np.pi)),
     # A linear model of one posture is wrong at others, by more the longer its torque is held.
     "sample_time": _at_most(lambda of: _HELD / max(of.frequencies, default=_HELD)),
@@ -475,10 +475,10 @@ _GAIN_STARTS: dict[str, _Start] = {
     "upper": lambda of, _: of.each(np.maximum(*of.ends) + 0.2),
     "posture": lambda of, _: of.each(0.5 * (of.ends[0] + of.ends[1])),
     "period": _if_required(lambda of: max(1.0, short(20.0 * np.pi / of.slowest))),
-    # Without a payload an uncertainty of it is a warning; with little damping one of the rigidity
-    # leaves the loop of the arm itself unstable.
+    # Without a payload an uncertainty of it is a warning. Without damping a tenth of the rigidity
+    # leaves a loop of mu synthesis unstable; exact rigidities may have no solution.
     "payload_uncertainty": lambda of, _: None if of.arm.spec.payload.mass else 0.0,
-    "rigidity_uncertainty": lambda of, _: 0.0,
+    "rigidity_uncertainty": lambda of, default: 0.01 if 0.0 < default < 1.0 else None,
     "inner": lambda of, _: drive_of_kind(of.scenario, "joint_pd"),
     "estimator": lambda of, _: None if of.instruments else {"instruments": _instruments(of.arm)},
 }
