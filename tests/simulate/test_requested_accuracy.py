@@ -61,6 +61,20 @@ def test_controller_keeps_the_state_of_the_returned_run():
     assert result.attrs["integration_error"] <= 1e-5
 
 
+def test_steps_between_samples_are_verified_by_another_method():
+    """Equal steps of one method have a difference of zero, whatever their error is."""
+    arm, _ = random_arm(1)
+    motion = fa.joint_motion(arm, [0.0, 0.0], [0.3, -0.2], 0.5)
+    law = fa.JointPD(proportional=1.0, derivative=0.1, sample_time=5e-4)
+    follow = {"controller": law, "reference": motion, **QUIET}
+    run = fa.simulate(arm, 0.6, accuracy=1e-4, **follow)
+    exact = fa.simulate(arm, 0.6, rtol=1e-12, integrator="dormand_prince_8", **follow)
+    error = np.abs(run.tip - exact.tip).max().item()
+    assert error < run.attrs["integration_error"] < 1e-4
+    # Two runs, one of them with fewer evaluations.
+    assert run.attrs["evaluations"] < 2 * exact.attrs["evaluations"]
+
+
 def test_batch_equals_single_runs_bit_for_bit():
     arm, torque = random_arm(2)
     starts = np.array([arm.rest([0.1 * k, 0.2, -0.1]) for k in range(3)])

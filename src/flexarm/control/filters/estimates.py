@@ -32,17 +32,17 @@ _FALSE_ALARM = 1e-9
 @cache
 def largest_ratio(size: int) -> float:
     """Return the limit of the mean normalised innovation squared of ``size`` readings."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
-    return float(chi2.isf(_FALSE_ALARM, size)) / size
+    return float(chdtri(size, _FALSE_ALARM)) / size
 
 
 def band(size: int, probability: float) -> tuple[float, float]:
     """Return the central interval of a chi-squared variable of ``size``, divided by its mean."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     inside = check_number("probability", probability, lambda p: 0.0 < p < 1.0, "be within 0 and 1")
-    low, high = chi2.ppf([0.5 - 0.5 * inside, 0.5 + 0.5 * inside], size) / size
+    low, high = chdtri(size, [0.5 + 0.5 * inside, 0.5 - 0.5 * inside]) / size
     return float(low), float(high)
 
 

@@ -6,7 +6,7 @@ import copy
 import math
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
@@ -248,12 +248,14 @@ def _verified(meter: Meter, situation: Situation, accuracy: float) -> tuple[_Out
     return with_error(first, accuracy, partial(_executed_again, meter, situation))
 
 
-def _executed_again(meter: Meter, situation: Situation, accuracy: float) -> _Outcome | None:
-    """Execute a run with another accuracy, without warnings; return None if that fails."""
+def _executed_again(
+    meter: Meter, situation: Situation, accuracy: float, **how: Any
+) -> _Outcome | None:
+    """Execute a run with another accuracy and settings, without warnings; None if that fails."""
     arm = situation.simulated
-    how: dict[str, float | None] = {"accuracy": accuracy}
+    how["accuracy"] = accuracy
     if coarse_tolerance(situation.settings, arm) is not None:  # large ones have failed
-        how = {"accuracy": None, "rtol": tolerance_of_request(accuracy / reach_of(arm))}
+        how |= {"accuracy": None, "rtol": tolerance_of_request(accuracy / reach_of(arm))}
     try:
         varied = replace(
             situation,
@@ -369,24 +371,34 @@ def _result(
 _LOOSER = 10.0
 #: Accuracy of the first run over that of another one, if both have the same steps.
 _FINER = 1000.0
+#: Integrator of the second run, if both have the same steps.
+_OTHERS = {"dormand_prince_8": "kennedy_carpenter_5"}
 #: Runs until a requested accuracy counts as missed; aim of a repetition over the request, and the
 #: least accuracy of a repetition over the one before.
 _MOST_RUNS, _AIM, _LEAST_ACCURACY = 4, 0.3, 1e-3
 
 
 def with_error(
-    outcome: _Outcome, accuracy: float, executed: Callable[[float], _Outcome | None]
+    outcome: _Outcome, accuracy: float, executed: Callable[..., _Outcome | None]
 ) -> tuple[_Outcome, str]:
     """Return a run whose result has the attribute ``integration_error`` (m), and a warning.
 
     If the error exceeds the accuracy, the run is repeated with a smaller one. The warning is empty
     if a run reaches the accuracy. ``evaluations`` and ``wall_seconds`` are those of all runs.
     """
+    attributes = outcome[0].attrs
+    method, steps = attributes["integrator"], attributes["steps"]
+    if method in _OTHERS and are_alike(steps, attributes.get("controller_calls", 0)):
+        # Tolerances do not matter for steps that end at the samples, the method does.
+        other = executed(accuracy, integrator=_OTHERS[method])
+        error = _error_between(outcome, other, 1.0)
+        if other is not None and error <= accuracy:
+            return _with_attributes([other, outcome], accuracy, error), ""
     used, looser = accuracy, executed(_LOOSER * accuracy)
     runs = [outcome] if looser is None else [looser, outcome]
     error = _error_between(outcome, looser, _LOOSER)
     # The steps may be those of samples, or of the largest tolerance.
-    if looser is not None and are_alike(outcome[0].attrs["steps"], looser[0].attrs["steps"]):
+    if looser is not None and are_alike(steps, looser[0].attrs["steps"]):
         finer = executed(accuracy / _FINER)
         if finer is not None:
             runs, used = [*runs, finer], accuracy / _FINER
@@ -400,17 +412,22 @@ def with_error(
             break
         error = _error_between(finer, runs[-1], ratio)
         runs, used = [*runs, finer], used / ratio
-    names = "evaluations", "wall_seconds"
-    work = {name: sum(result.attrs[name] for result, _ in runs) for name in names}
-    result, notices = runs[-1]
-    result = result.assign_attrs(accuracy=accuracy, integration_error=error, **work)
+    last = _with_attributes(runs, accuracy, error)
     if error <= accuracy:
-        return (result, notices), ""
+        return last, ""
     if math.isnan(error):
         text = "no other run can be compared with this one, so the integration error is unknown"
     else:
         text = f"errors grow in this motion: that of the tip is about {error:.1g} m"
-    return (result, notices), f"{text}. Do not rely on an accuracy of {accuracy:.2g} m."
+    return last, f"{text}. Do not rely on an accuracy of {accuracy:.2g} m."
+
+
+def _with_attributes(runs: Sequence[_Outcome], accuracy: float, error: float) -> _Outcome:
+    """Return the last one of some runs with its error (m) and the work of all."""
+    names = "evaluations", "wall_seconds"
+    work = {name: sum(result.attrs[name] for result, _ in runs) for name in names}
+    result, notices = runs[-1]
+    return result.assign_attrs(accuracy=accuracy, integration_error=error, **work), notices
 
 
 def _error_between(outcome: _Outcome, other: _Outcome | None, ratio: float) -> float:
