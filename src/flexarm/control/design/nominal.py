@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import modal_size
@@ -406,6 +405,8 @@ class RecordedRun:
     def __init__(
         self, model: FlexibleModel, run: Any, sample_time: float, steps: int, show: Shown
     ) -> None:
+        from scipy.interpolate import CubicHermiteSpline, make_interp_spline
+
         self._sample_time, self._show = sample_time, show
         arm = model.arm
         self._joints = arm.joint_index
