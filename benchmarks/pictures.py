@@ -1,4 +1,4 @@
-"""Time of animations and reports.
+"""Time of animations, reports and previews of the studio.
 
 `python -m benchmarks.pictures` prints only this table.
 """
@@ -9,6 +9,7 @@ import resource
 import tempfile
 import time
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,12 @@ import numpy as np
 import flexarm as fa
 from benchmarks.arms import chain, table_one
 from benchmarks.startup import Wait
+from flexarm.view.studio.compute import Request, parts_of
+from flexarm.view.studio.presets import paper_project
 
 #: Goals for the elapsed time (s) on two idle cores: an animation may take five times its duration.
-GOALS = {"animation": 10.0, "report": 2.0}
+#: A studio that draws 20 pictures a second moves with its slider.
+GOALS = {"animation": 10.0, "report": 2.0, "preview": 0.05}
 #: Steps of the chain: its motion does not matter here, only its links and samples.
 _SHORT = 0.05
 
@@ -39,6 +43,14 @@ def waits(duration: float = 2.0, links: int = 64, repeats: int = 3) -> dict[str,
         }
         calls[f"report of {duration:g} s"] = lambda: fa.report(moving)
         calls[f"report of a minute, {links} links"] = lambda: fa.report(minute)
+        project, gains = paper_project().edited(("drive", "kind"), "joint_pd"), count(1)
+        calls["preview of 3 s, joint PD at 1 kHz, another gain"] = lambda: list(
+            parts_of(
+                Request(
+                    project.edited(("drive", "derivative", 0), 0.3 + 1e-3 * next(gains)), "preview"
+                )
+            )
+        )
         return {what: min(_wait(call) for _ in range(repeats)) for what, call in calls.items()}
 
 

@@ -121,6 +121,7 @@ def test_measurements_are_written_to_the_page(tmp_path: Path, points: list[Point
         many=[rollouts.Rollouts("flexarm, lanes, 2 threads", "rk4", "exact beams", 1e-4, 900.0)],
         learning=environments.environments(count=8, steps=2, repeats=1),
         chain=chain,
+        closed=[("flexarm, rtol 0.001", 1e-4, 0.01), ("Exudyn, 4 elements", 1e-4, 0.5)],
         controllers={("joint_pd", ""): 5.0},
         simulations=whole_call.simulations(repeats=1, duration=0.1),
         calls=whole_call.microseconds(repeats=1, calls=1),
@@ -130,8 +131,8 @@ def test_measurements_are_written_to_the_page(tmp_path: Path, points: list[Point
     report.write(tmp_path, measured)
 
     page = (tmp_path / "index.md").read_text(encoding="utf-8")
-    assert "dormand_prince_8, 4 modes, rtol 1e-04, atol 1e-06 m" in page
-    assert "auto, 4 modes, default arguments" in page
+    assert re.search(r"\| flexarm, \w+, 4 modes, (rtol|step) [\d.e-]+.* \|", page)
+    assert re.search(r"\| auto, 4 modes, default arguments: rtol \S+, atol \S+ m \|", page)
     assert "| `joint_pd` |  | 5 | 1 |" in page
     assert "| 256 |" in page
     assert re.search(r"\| torque samples, 100 per second \| \d.* \| \d.* \| \d.* \| 2 \|", page)
@@ -147,6 +148,7 @@ def test_measurements_are_written_to_the_page(tmp_path: Path, points: list[Point
     )
     assert "no compiler here" in page
     assert re.search(r"\| animation of 0.1 s, mp4 \| [\d.]+ \| [\d.]+ \| 10 \|", page)
+    assert re.search(r"\| preview of 3 s, .* \| [\d.]+ \| [\d.]+ \| 0.05 \|", page)
     assert re.search(r"\| report of a minute, 2 links \| [\d.]+ \| [\d.]+ \| 2 \|", page)
     for figure in ("scaling.png", "work-precision.png", "chain.png"):
         assert (tmp_path / figure).stat().st_size > 10_000, figure
