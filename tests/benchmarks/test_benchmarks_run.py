@@ -143,9 +143,7 @@ def test_measurements_are_written_to_the_page(tmp_path: Path, points: list[Point
     assert re.search(r"\| vector, 8, 2 threads \| [\d,]+ \| [\d.]+ \|", page)
     assert "| single |" in page
     assert "| `flexarm paper` | 2.00 | 1.50 | 20.00 | 12.50 | 15 |" in page
-    assert re.search(
-        r"\| exact beams \| \S+ \| steps \| \w+, [34] modes, (step|rtol) .*: ", page
-    )
+    assert re.search(r"\| exact beams \| \S+ \| steps \| \w+, [34] modes, (step|rtol) .*: ", page)
     assert "no compiler here" in page
     assert re.search(r"\| animation of 0.1 s, mp4 \| [\d.]+ \| [\d.]+ \| 10 \|", page)
     assert re.search(r"\| preview of 3 s, .* \| [\d.]+ \| [\d.]+ \| 0.05 \|", page)

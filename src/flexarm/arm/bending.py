@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, Piece
 from flexarm.arm.assembly.coordinates import once_per_arm, station_of
-from flexarm.base.errors import LargeDeflectionWarning, warn_caller
+from flexarm.base.errors import LargeDeflectionWarning, kept_warnings, warn_caller
 from flexarm.model.arm.links import Link, ModalDamping
 
 #: Error of a link relative to its length above which a state is reported: 10 % deflection of a link
@@ -37,8 +36,6 @@ _LARGEST = 1e6
 _CHUNK = 4096
 
 _PAGE = "see docs/how-to/large-deflection.md."
-#: Warnings collected by the innermost ``one_warning``; None outside it.
-_KEPT: ContextVar[list[str] | None] = ContextVar("flexarm_bending_kept", default=None)
 
 
 class BendingErrors:
@@ -205,26 +202,20 @@ def bending_warning(arm: Arm, q: FloatArray) -> str:
 
 
 def warn_of_bending(arm: Arm, q: FloatArray) -> None:
-    """Warn once of bent q (dof,) or (samples, dof), unless a caller collects warnings."""
+    """Warn once of bent q (dof,) or (samples, dof)."""
     warn_of_first([bending_warning(arm, q)])
 
 
-def warn_of_first(warnings_kept: list[str]) -> None:
+def warn_of_first(texts: list[str]) -> None:
     """Report the first text that is not empty as a warning, as `warn_of_bending` does."""
-    warning = next(filter(None, warnings_kept), "")
-    kept = _KEPT.get()
-    if kept is not None:
-        kept.append(warning)
-    elif warning:
-        warn_caller(warning, LargeDeflectionWarning)
+    if text := next(filter(None, texts), ""):
+        warn_caller(text, LargeDeflectionWarning)
 
 
 @contextmanager
-def one_warning() -> Iterator[list[str]]:
-    """Collect the warnings of the calls within in a list, so that the caller reports one."""
-    kept: list[str] = []
-    token = _KEPT.set(kept)
-    try:
-        yield kept
-    finally:
-        _KEPT.reset(token)
+def one_warning(report: bool = True) -> Iterator[None]:
+    """Report the first warning of a deflection of the calls within, or none of them."""
+    with kept_warnings(LargeDeflectionWarning) as kept:
+        yield
+    for text, kind in kept[:report]:
+        warn_caller(text, kind)

@@ -19,7 +19,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import wraps
 from reprlib import Repr
-from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Self, TypeVar
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -416,30 +416,41 @@ class ImplausibleValueWarning(FlexarmWarning):
     """A number is physically implausible, as if it were in another unit."""
 
 
-_KEPT: ContextVar[list[tuple[str, type[Warning]]] | None] = ContextVar("flexarm_kept", default=None)
+class _Keeper(NamedTuple):
+    """Where `kept_warnings` keeps those of a kind, and the keeper around it."""
+
+    kind: type[Warning]
+    kept: list[tuple[str, type[Warning]]]
+    outer: _Keeper | None
+
+
+_KEEPER: ContextVar[_Keeper | None] = ContextVar("flexarm_keeper", default=None)
 
 
 def warn_caller(text: str, category: type[Warning]) -> None:
     """Warn at the nearest calling line outside this package, at any depth of the call."""
-    if (kept := _KEPT.get()) is not None:
-        kept.append((text, category))
-        return
-    package = __name__.partition(".")[0]
+    keeper = _KEEPER.get()
+    while keeper is not None:
+        if issubclass(category, keeper.kind):
+            keeper.kept.append((text, category))
+            return
+        keeper = keeper.outer
+    inside = (__name__.partition(".")[0], "contextlib")
     frame, level = sys._getframe(1), 2
-    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] == package:
+    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in inside:
         frame, level = frame.f_back, level + 1
     warnings.warn(text, category, stacklevel=level)
 
 
 @contextmanager
-def kept_warnings() -> Iterator[list[tuple[str, type[Warning]]]]:
-    """Collect the arguments of `warn_caller` of the calls within, to warn with a kept result."""
+def kept_warnings(kind: type[Warning] = Warning) -> Iterator[list[tuple[str, type[Warning]]]]:
+    """Collect warnings of a kind of the calls within, as arguments of `warn_caller`."""
     kept: list[tuple[str, type[Warning]]] = []
-    token = _KEPT.set(kept)
+    token = _KEEPER.set(_Keeper(kind, kept, _KEEPER.get()))
     try:
         yield kept
     finally:
-        _KEPT.reset(token)
+        _KEEPER.reset(token)
 
 
 @contextmanager

@@ -95,7 +95,7 @@ class PressedMotion:
         friction: float,
     ) -> None:
         search = _Search(arm, motion, friction)
-        with one_warning():
+        with one_warning(report=False):
             held = search.along(times, force, normal)
         angle, torque, pressing, self._bent = map(np.array, zip(*held, strict=True))
         self._given = (arm, motion, force, normal, times)

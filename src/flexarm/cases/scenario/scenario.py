@@ -132,7 +132,7 @@ def start_of(
     base, contacts = scenario.base_acceleration, scenario.contacts
     if isinstance(base, AccelerationTable):
         base = interpolated(base).at(np.zeros(1))[0]
-    with one_warning():  # the run warns of its states, including this one
+    with one_warning(report=False):  # the run warns of its states, including this one
         found = equilibrium(arm, angles, loads=loads, base_acceleration=base, contacts=contacts)
     return Start(found.q, prescribed, found.torque if asked.balance else None)
 

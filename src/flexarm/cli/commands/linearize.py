@@ -38,17 +38,17 @@ def linearize(
     plot: Annotated[Path | None, option("FILE", "Save the responses: .png, .pdf or .svg.")] = None,
 ) -> None:
     """Compute a linear model of an arm at rest: A, B, C, D and their poles."""
-    from flexarm.arm.bending import one_warning
+    from flexarm.base.errors import kept_warnings
     from flexarm.cases.results import FIGURE_SUFFIXES, MODEL_SUFFIXES
 
     loaded = fa.load_arm(arm)
     posture = joint_numbers("--angles", loaded, angles, "rad")
     check_places(("--out", out, MODEL_SUFFIXES), ("--plot", plot, FIGURE_SUFFIXES))
     driven, observed = comma_separated(inputs), comma_separated(outputs)
-    with one_warning() as warnings:  # printed below in one line
+    with kept_warnings(fa.LargeDeflectionWarning) as warnings:  # printed below in one line
         rest = fa.equilibrium(loaded, posture)
         model = fa.linearize(loaded, rest, inputs=driven, outputs=observed)
-    if warning := next(filter(None, warnings), ""):
+    for warning, _ in warnings[:1]:
         warn(warning)
     torque = listed(rest.torque.tolist())
     rows = [

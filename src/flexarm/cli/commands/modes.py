@@ -65,7 +65,7 @@ def modes(
     import numpy as np
 
     from flexarm.arm.arm import described_arm
-    from flexarm.arm.bending import one_warning
+    from flexarm.base.errors import kept_warnings
     from flexarm.cases.results import FIGURE_SUFFIXES
     from flexarm.model import load_arm_spec
 
@@ -83,7 +83,7 @@ def modes(
         tracks = fa.track_modes(model, postures, condition, count=count, sag=sag)
         _show_tracks(tracks, text, csv, plot)
     else:
-        with one_warning() as warnings:  # printed below in one line
+        with kept_warnings(fa.LargeDeflectionWarning) as warnings:  # printed below in one line
             if model.closure_rows:  # near the angles
                 q = fa.assembled(model, model.rest(posture or np.zeros(model.n_joints))).q
                 state = fa.equilibrium(model, start=q) if sag else q
@@ -91,7 +91,7 @@ def modes(
             else:
                 about = fa.equilibrium(model, posture) if sag else posture
                 vibration = fa.modes(model, about, condition, spin=spin)
-        if warning := next(filter(None, warnings), ""):
+        for warning, _ in warnings[:1]:
             warn(warning)
         place = f", at {listed(posture)} rad" if posture else ""
         turning = f", turning at {spin:g} rad/s" if spin else ""

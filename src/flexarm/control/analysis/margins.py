@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import IntArray
-from flexarm.arm.bending import one_warning, warn_of_first
+from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import as_list, check_each, check_kind, check_list_of, check_numbers
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.control.analysis.linear_controller import FrozenReference
@@ -160,19 +160,19 @@ def loop_margins(
     names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).n_joints)
     found = {name: np.zeros(shape) for name, *_ in _MARGINS}
     growth, damping = np.zeros(shape[:2]), np.full((2, *shape[:2], _POLES), np.nan)
-    bent: list[str] = []
     bare = without_friction(contacts)
-    for i, arm in enumerate(arms.values()):
-        for k, (t, posture) in enumerate(places):
-            with one_warning() as kept:
-                loop = loop_at(controller, arm, posture, hardware, bare, reference, t)
-            bent += kept
+    with one_warning():
+        loops = [
+            [loop_at(controller, arm, at, hardware, bare, reference, t) for t, at in places]
+            for arm in arms.values()
+        ]
+    for i, row in enumerate(loops):
+        for k, loop in enumerate(row):
             check_single_rate(loop)
             growth[i, k], damping[:, i, k] = stability_of(loop)
             margins = margins_at(loop, bool(growth[i, k] <= 0.0))
             for (name, *_), value in zip(_MARGINS, margins, strict=True):
                 found[name][i, k] = value
-    warn_of_first(bent)
     first = next(iter(arms.values()))
     table = xr.Dataset(coords={"plant": names, "joint": list(first.joint_numbers)})
     angles = np.array([posture for _, posture in places])

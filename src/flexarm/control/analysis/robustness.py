@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.bending import one_warning, warn_of_first
+from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import check_kind, check_list_of, check_number
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.control.analysis.margins import (
@@ -97,9 +97,8 @@ def robustness(
     if posture is not None and len(places) > 1:
         raise InputError(Problem("posture", "be one posture", f"{len(places)} of them"))
     at = places[0][1]
-    with one_warning() as bent:
+    with one_warning():
         loops = [loop_at(controller, arm, at, hardware) for arm in arms]
-    warn_of_first(bent)
     for loop in loops:
         check_single_rate(loop)
     _check_unstable_poles(loops)
@@ -306,9 +305,8 @@ def loop_models(
         raise InputError(Problem("posture", rule, f"{len(places)} of them"))
     t, angles = places[0]
     bare = without_friction(contacts)
-    with one_warning() as bent:
+    with one_warning():
         loop = loop_at(controller, arm, angles, hardware, bare, reference, t)
-    warn_of_first(bent)
     check_single_rate(loop)
     torques = tuple(f"torque[{number}]" for number in arm.joint_numbers)
     A, B, C, _ = loop.plant[:4]

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import once_per_arm, turning_joints
-from flexarm.arm.bending import one_warning, warn_of_first
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import InputError, Problem, kept_warnings, warn_caller
 from flexarm.control.analysis.linear_controller import (
@@ -333,15 +332,14 @@ def model_at(
     """
     angles = check_posture("posture", posture, arm.n_joints, turning_joints(arm))
     motors = None if actuated is None else tuple(actuated)
-    model, bent, others = _models(arm)(tuple(angles), tuple(signals), tuple(contacts), motors)
-    warn_of_first(bent)
-    for text, kind in others:
+    model, warnings = _models(arm)(tuple(angles), tuple(signals), tuple(contacts), motors)
+    for text, kind in warnings:
         warn_caller(text, kind)
     return model
 
 
 @once_per_arm
-def _models(arm: Arm) -> Callable[..., tuple[PlantModel, list[str], list[Any]]]:
+def _models(arm: Arm) -> Callable[..., tuple[PlantModel, list[Any]]]:
     """Return `_model` for an arm, which keeps its last results."""
     return lru_cache(_KEPT)(partial(_model, arm))
 
@@ -352,10 +350,10 @@ def _model(
     signals: tuple[OutputName, ...],
     contacts: tuple[Contact, ...],
     actuated: tuple[int, ...] | None,
-) -> tuple[PlantModel, list[str], list[Any]]:
-    """Return the model of `model_at`, with its warnings: of bending, and others."""
-    with one_warning() as bent, kept_warnings() as others:
-        return _linearized(arm, np.array(posture), signals, contacts, actuated), bent, others
+) -> tuple[PlantModel, list[Any]]:
+    """Return the model of `model_at`, with its warnings."""
+    with kept_warnings() as warnings:
+        return _linearized(arm, np.array(posture), signals, contacts, actuated), warnings
 
 
 def _linearized(

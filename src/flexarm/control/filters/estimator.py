@@ -15,7 +15,7 @@ from pydantic import Field
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
-from flexarm.arm.bending import one_warning, warn_of_first
+from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import (
     check_kind,
     check_list_of,
@@ -511,9 +511,8 @@ class StateEstimator(FilterParameters, OfArm, ABC):
         angle = next(i for i in self.instruments if i.signal == "joint_angle")
         angles = np.asarray(measurement[angle.label])
         deviations = {MASS: self.payload_deviation, **self._prior}
-        with one_warning() as bent:
+        with one_warning():
             q, slopes = sag(arm, angles, deviations)
-        warn_of_first(bent)
         stiffness = np.diag(arm.stiffness_matrix(arm.rest(angles)))
         variance = np.zeros(layout.size)
         variance[layout.states] = first_variance(arm, self, angle, stiffness)

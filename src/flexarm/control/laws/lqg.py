@@ -14,7 +14,7 @@ from pydantic import Field
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
-from flexarm.arm.bending import one_warning, warn_of_first
+from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import check_kind, check_number, check_positive
 from flexarm.base.errors import InputError, Problem, check_array, public_call
 from flexarm.control.analysis.margins import loop_at, loop_margins, named_arms
@@ -155,12 +155,11 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def _design_for(self, sample_time: float) -> None:
         """Design the controller of each posture for a sample time (s)."""
-        with one_warning() as bent:
+        with one_warning():
             check_sample_time(self.arm, sample_time, getattr(self, "bandwidth", None))
             self._sample_time = sample_time
             self.designs = self._design_all()
             self._prepare()
-        warn_of_first(bent)
 
     def _design_all(self) -> tuple[Design, ...]:
         return tuple(
@@ -364,9 +363,8 @@ class LQG(LQGParameters, OfArm, Controller):
             raise InputError(Problem("plant", rule, str(arm.n_joints)))
         posture = self.posture if posture is None else posture
         at = check_array("posture", posture, (self.arm.n_joints,))
-        with one_warning() as bent:
+        with one_warning():
             poles: FloatArray = loop_at(self, plant, at).poles()
-        warn_of_first(bent)
         return poles
 
     @classmethod
@@ -405,7 +403,7 @@ class LQG(LQGParameters, OfArm, Controller):
                 raise InputError(Problem(name, rule))
         arms = [check_kind("arm", arm, Arm), *named_arms(plants).values()]
         best, found = -1.0, (0.0, 0.0)
-        with one_warning() as bent:
+        with one_warning():
             for unsure, recovery in _TRIED:
                 made = cls(arm, posture, rigidity_uncertainty=unsure, recovery=recovery, **options)
                 margin = _least(made.at_rest(), arms, postures, best)
@@ -420,7 +418,6 @@ class LQG(LQGParameters, OfArm, Controller):
                 )
                 rule = f"of {required:g} cannot be reached: the best found is {best:.3g}"
                 raise InputError(Problem("disk_margin", rule, hint=hint))
-        warn_of_first(bent)
         return made
 
     def at_rest(self) -> LQG:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from flexarm.arm.arm import Arm, varied
-from flexarm.arm.bending import one_warning, warn_of_first
+from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import check_positive
 from flexarm.base.errors import (
     FlexarmWarning,
@@ -144,12 +144,11 @@ class LoopShaping(RobustFollower, LoopShapingParameters):
         check_sample_time(self.arm, sample_time, self.bandwidth)
         self._grid = PostureGrid(np.asarray(self.posture), self.schedule)
         self._sample_time = sample_time
-        with one_warning() as bent:
+        with one_warning():
             self.designs: tuple[ShapedDesign, ...] = tuple(
                 shaped_design(self.arm, posture, self, sample_time)
                 for posture in self._grid.postures
             )
-        warn_of_first(bent)
         worst = max(self.designs, key=lambda one: one.growth)
         if worst.growth * sample_time > _STILL:
             text = (
@@ -246,9 +245,8 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
                     text = f"{name} has no effect: the arm has no {missing}. Set {name}=0."
                     warn_caller(text, FlexarmWarning)
         self._sample_time = sample_time
-        with one_warning() as bent:
+        with one_warning():
             plant = uncertain_plant(self.arm, self, sample_time)
-        warn_of_first(bent)
         self._synthesise(plant)
         self.reset()
 

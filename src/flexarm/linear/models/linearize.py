@@ -101,7 +101,7 @@ def linearize(
     if q is None and base_acceleration is not None:
         rule = "is not supported with an equilibrium: give q"
         raise InputError(Problem("base_acceleration", rule))
-    with one_warning():
+    with one_warning(report=False):
         point = _operating_point(arm, q, qd, torque, environment)
     warn_of_theory(arm, point.q, point.environment, point.qd)
     warn_of_backlash(arm, point.q)

@@ -155,7 +155,7 @@ def _follow(
     bent: list[FloatArray] = []
 
     def solved(at: float) -> Modes:
-        with one_warning():
+        with one_warning(report=False):
             found = solve(at)
         bent.append(found.q)
         return found

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.bending import one_warning, warn_of_first
+from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import check_choice, check_each, check_kind, check_options
 from flexarm.base.errors import (
     InputError,
@@ -160,7 +160,7 @@ def iterative_learning(
         raise InputError(Problem("effort", "be positive if change is 0", "0", hint))
     bench = Bench(arm, reference, window, output, plant, hardware, trial, options)
     none = np.zeros((window.intervals, arm.n_joints))
-    with one_warning() as bent:
+    with one_warning():
         unchanged = AddedTorque(controller, none, window.interval)
         P = bench.model(unchanged)
         if gains is None:
@@ -172,7 +172,6 @@ def iterative_learning(
         if cutoff is not None:
             law = filtered(law, arm.n_joints, cutoff, window.interval)
         learned = _learn(bench, unchanged, law, P, trials)
-    warn_of_first(bent)
     return learned
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.arm.bending import one_warning, warn_of_bending, warn_of_first
+from flexarm.arm.bending import one_warning, warn_of_bending
 from flexarm.base.arguments import check_choice, check_count, check_kind
 from flexarm.base.errors import (
     AccuracyWarning,
@@ -354,14 +354,13 @@ def optimal_motion(
     count = None if modes is None else check_count("modes", modes, 1, arm.dof - arm.n_joints)
     pieces = None if intervals is None else check_count("intervals", intervals, 2, _MOST_GIVEN)
     own = None if guess is None else check_motion(guess, arm)
-    with one_warning() as bent:
+    with one_warning():
         task = task_of(arm, begin, goal, objective, limits, duration, count)
         straight = transcription.straight_motion(task) if own is None else own
         pieces = pieces or _default_intervals(task, straight.duration)
         first = transcription.shaped_guess(task, straight) if own is None else own
         plan = transcription.plan_of(task, first, min(pieces, _COARSE))
         optimum = _within_limits(task, plan, plant, pieces, iterations)
-    warn_of_first(bent)
     return optimum
 
 

@@ -107,7 +107,7 @@ def loop_poles(
             key = number, t, b"" if t > 0.0 else plant.joint_angles(loop.initial).tobytes()
             try:
                 if key not in known:
-                    with one_warning():  # the run itself warns of its states
+                    with one_warning(report=False):  # the run itself warns of its states
                         known[key] = _worst(loop, plants[number], t, instruments)
             except (
                 Exception

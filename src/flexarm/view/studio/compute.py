@@ -240,7 +240,7 @@ def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
     if presses:
         place = {"reference": prepared.motion, "contacts": options.get("contacts", ())}
     try:
-        with one_warning():  # the run itself warns of its states
+        with one_warning(report=False):  # the run itself warns of its states
             table = loop_margins(
                 controller, plant or prepared.arm, hardware=options.get("hardware"), **place
             )
