@@ -63,7 +63,7 @@ def contact_values(
     """
     view = kernels or KernelView(arm.assembly.constants, states.dtype)
     values = np.zeros((len(states), contacts.body.size, LOOK_COLUMNS), dtype=states.dtype)
-    look_many(view.sizes, view.constants, contacts, states, view.work, values)
+    view.call(look_many, contacts, states, view.work, values)
     return values
 
 
