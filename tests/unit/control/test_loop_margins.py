@@ -285,6 +285,18 @@ def test_one_call_warns_once_of_bending(call):
     assert caught[0].filename == __file__
 
 
+def test_a_kept_model_warns_again():
+    """Also of what the linear model does not contain: straight links rest in the gap."""
+    gap = fa.Joint(hub_inertia=0.1, rotor_inertia=0.1, stiffness=500.0, backlash=0.1)
+    arm = fa.Arm(soft(5.0, 0.0).spec.replace(joints=[gap, gap]))
+    texts = []
+    for _ in range(2):
+        with pytest.warns(fa.FlexarmWarning, match="between the contacts") as caught:
+            fa.loop_margins(fa.JointPD(3.0, 0.3), arm, [0.0, 0.0])
+        texts.append([str(warning.message) for warning in caught])
+    assert texts[0] == texts[1]
+
+
 def test_times_and_plants_of_the_wrong_kind_are_rejected():
     arm = two_links()
     motion = fa.joint_motion(arm, [0.1, 0.2], [0.2, 0.3], 1.0)

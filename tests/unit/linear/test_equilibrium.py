@@ -274,3 +274,15 @@ def test_column_bends_to_the_side_of_a_small_load(force, side):
     assert np.sign(side) * arm.tip(result.q)[1] > 0.4
     # Without a side load the search finds only the straight column.
     assert not fa.equilibrium(arm, tip_force=(-force, 0.0)).stable
+
+
+def test_a_joint_in_its_gap_leans_on_a_contact():
+    """The search begins where no spring acts, with a singular stiffness, and warns of nothing."""
+    rod = {"flexural_rigidity": 500.0, "mass_per_length": 0.5, "elements": 1}
+    gap = fa.Joint(rotor_inertia=0.1, stiffness=400.0, backlash=0.1)
+    heavy = fa.Arm(links=[fa.Link(length=0.8, **rod)], joints=[gap], gravity=(0.0, -9.81))
+    rest = fa.equilibrium(heavy, [0.0])
+    weight = 0.5 * 0.8 * 9.81 * 0.4  # N m, of the straight link
+    twist = -0.05 - weight / 400.0
+    assert rest.torque == pytest.approx([weight * np.cos(twist)], rel=1e-4)  # and little bending
+    assert rest.stable

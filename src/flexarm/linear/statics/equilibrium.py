@@ -96,8 +96,6 @@ def steady_rates(arm: Arm, spin: float) -> FloatArray:
 
 def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
     """Compute the steady shape q (dof,) at a constant spin, with joint angles of ``q``; (S.5)."""
-    from scipy.linalg import solve
-
     rates, still = steady_rates(arm, spin), np.zeros(arm.dof)
     bending = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
     if spin == 0.0 or bending.size == 0:
@@ -106,7 +104,8 @@ def steady_shape(arm: Arm, q: FloatArray, spin: float) -> FloatArray:
     for _ in range(_STEPS):
         missing = arm.inverse_dynamics(found, rates, still)[bending]
         try:
-            step = solve(tangent(arm, found, rates, still).stiffness[part], -missing)
+            stiffness = tangent(arm, found, rates, still).stiffness[part]
+            step = -np.linalg.solve(np.asarray_chkfinite(stiffness), missing)
         except np.linalg.LinAlgError:
             break
         found[bending] += step
@@ -337,8 +336,6 @@ class _Search:
 
     def newton(self, q: FloatArray, fraction: float) -> FloatArray:
         """Solve under a fraction of the load, from q; LinAlgError if it does not converge."""
-        from scipy.linalg import solve
-
         arm, loads = self._scaled(fraction)
         sizes = coordinate_sizes(arm)
         balance = self._balance(arm, q, loads, fraction)
@@ -350,7 +347,7 @@ class _Search:
             unit = sizes[motions.independent]
             K = motions.matrix(stiffness_of(arm, q, balance.forces, loads, self.contacts))
             K *= np.outer(unit, unit)
-            step = solve(K, -missing)
+            step = -np.linalg.solve(np.asarray_chkfinite(K), missing)
             # The stiffest modes carry forces far larger than those of the lowest, so convergence
             # is judged by the size of the displacement step.
             place = q[motions.independent] / unit
@@ -365,8 +362,9 @@ class _Search:
                 shortened *= 0.5
             q, missing = trial, balance.missing
             place = q[motions.independent] / unit
-            scale = max(scale, float(np.max(np.abs(K @ place))))
-            if shortened == 1.0 and (size < 1e-12 or np.max(np.abs(missing)) <= _RESIDUAL * scale):
+            largest = max(scale, float(np.max(np.abs(K @ place))))
+            left = float(np.max(np.abs(missing)))
+            if shortened == 1.0 and (size < 1e-12 or left <= _RESIDUAL * largest):
                 return q
         raise np.linalg.LinAlgError("Newton's method does not converge")
 
