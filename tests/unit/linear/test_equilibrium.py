@@ -286,3 +286,16 @@ def test_a_joint_in_its_gap_leans_on_a_contact():
     twist = -0.05 - weight / 400.0
     assert rest.torque == pytest.approx([weight * np.cos(twist)], rel=1e-4)  # and little bending
     assert rest.stable
+
+
+@pytest.mark.parametrize("stiffness", [10.0, 100.0, 1e3, 1e5])
+def test_a_free_arm_falls_on_a_floor(stiffness):
+    """The floor carries half of the weight of a straight link; steps cross it at first."""
+    link = fa.Link(length=0.8, flexural_rigidity=500.0, mass_per_length=0.5)
+    arm = fa.Arm(links=[link], joints=[fa.Joint()], gravity=(0.0, -9.81)).rigid()
+    weight = 0.5 * 0.8 * 9.81
+    floor = fa.Wall(point=[0.0, -0.3], normal=[0.0, 1.0])
+    contact = fa.Contact(surface=floor, stiffness=stiffness * weight / 0.8)
+    rest = fa.equilibrium(arm, [0.0], torque=[0.0], contacts=[contact])
+    assert arm.tip(rest.q)[1] == pytest.approx(-0.3 - 0.4 / stiffness, abs=1e-9)
+    assert rest.stable

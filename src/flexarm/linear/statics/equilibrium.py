@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -120,8 +121,10 @@ _RESIDUAL = 1e-11
 #: Force on a base that moves freely, over the loads, that rounding errors explain.
 _UNBALANCED = 1e-9
 _NEWTON_STEPS = 30
-_DESCENT_STEPS = 300
+_DESCENT_STEPS, _HALVINGS = 300, 20
 _SMALLEST_STEP = 1e-4
+#: Largest step of Newton's method, as a rotation (rad): where no spring acts it has no limit.
+_FARTHEST = 3.0
 
 
 class EquilibriumError(FlexarmError, RuntimeError):
@@ -341,7 +344,7 @@ class _Search:
         balance = self._balance(arm, q, loads, fraction)
         if not balance.missing.any():
             return q
-        scale = np.max(np.abs(balance.missing), initial=0.0)
+        first = np.max(np.abs(balance.missing), initial=0.0)
         for _ in range(_NEWTON_STEPS):
             motions, missing = balance.motions, balance.missing
             unit = sizes[motions.independent]
@@ -352,8 +355,9 @@ class _Search:
             # is judged by the size of the displacement step.
             place = q[motions.independent] / unit
             size = np.max(np.abs(step)) / (1e-3 + np.max(np.abs(place)))
-            shortened = 1.0
-            while shortened > 1e-3:
+            scale = max(first, float(np.max(np.abs(K @ place))))
+            shortest = 1e-3 * (shortened := min(1.0, _FARTHEST / max(np.max(np.abs(step)), 1e-300)))
+            while shortened > shortest:
                 trial = motions.closed(arm, q + motions.displacements(shortened * unit * step))
                 balance = self._balance(arm, trial, loads, fraction)
                 left = np.max(np.abs(balance.missing))
@@ -362,9 +366,10 @@ class _Search:
                 shortened *= 0.5
             q, missing = trial, balance.missing
             place = q[motions.independent] / unit
-            largest = max(scale, float(np.max(np.abs(K @ place))))
-            left = float(np.max(np.abs(missing)))
-            if shortened == 1.0 and (size < 1e-12 or left <= _RESIDUAL * largest):
+            # Not the largest of all steps: a long one must not excuse the forces after it.
+            scale = max(scale, float(np.max(np.abs(K @ place))))
+            left = np.max(np.abs(missing))
+            if shortened == 1.0 and (size < 1e-12 or left <= _RESIDUAL * scale):
                 return q
         raise np.linalg.LinAlgError("Newton's method does not converge")
 
@@ -400,7 +405,7 @@ class _Search:
 
     def descend(self, q: FloatArray) -> FloatArray:
         """Take descent steps under the full load, then converge by Newton's method."""
-        arm, begin = self.arm, q
+        arm, begin, near_enough = self.arm, q, 0.1 * _LONGEST
         for _ in range(_DESCENT_STEPS if self.unknown.size else 0):
             try:
                 force = self.force - self._force(arm, q, self.loads)
@@ -413,11 +418,20 @@ class _Search:
                 step, stable = _descent_step(K, M, motions.forces(force), modal_size(arm))
                 step = motions.displacements(step)
                 turn = _largest_turn(arm, step)
-                q = motions.closed(arm, q + step * min(1.0, _LONGEST / max(turn, 1e-300)))
-                if stable and turn < 0.1 * _LONGEST:
-                    near = self.newton(q, 1.0)
-                    if _largest_turn(arm, near - q) < _LONGEST:
-                        return near
+                # A shorter step, if behind it a contact or a stop pushes back by more than this.
+                pull, share = force @ step, min(1.0, _LONGEST / max(turn, 1e-300))
+                for _ in range(_HALVINGS):
+                    trial = motions.closed(arm, q + share * step)
+                    if (self.force - self._force(arm, trial, self.loads)) @ step >= -pull:
+                        break
+                    share *= 0.5
+                q = trial
+                if stable and turn < near_enough:
+                    near_enough = 0.1 * turn  # if it fails, beside a place where a stop begins
+                    with suppress(np.linalg.LinAlgError):
+                        near = self.newton(q, 1.0)
+                        if _largest_turn(arm, near - q) < _LONGEST:
+                            return near
             except (np.linalg.LinAlgError, ValueError):
                 reason = "the arm buckles or swings away."
                 raise EquilibriumError(0.0, begin, reason) from None
