@@ -24,7 +24,7 @@ from flexarm.model.drives.around import MovingHorizonParameters
 
 #: Largest number of Gauss-Newton steps, and the largest change of a number relative to its
 #: deviation that ends them.
-_MOST, _SMALL = 10, 1e-8
+_MOST, _SMALL = 10, 1e-4
 #: Change of the last step, relative to the deviations, up to which the estimates have converged:
 #: small compared with the errors of the estimates.
 _TOLERATED = 1e-2
