@@ -299,8 +299,7 @@ def sliding(
     rate = max([0.0, *(sliding_rate(arm) for arm in believed if isinstance(arm, Arm))])
     if rate > 0.0 and reference is None:
         return 0.0, arms
-    free = {id(arm): without_dry_friction(arm) for arm in arms}
-    return rate, tuple(free[id(arm)] for arm in arms)
+    return rate, tuple(without_dry_friction(arm) for arm in arms)
 
 
 def instruments_of(arm: Arm, hardware: Hardware | None, contacts: int) -> list[Instrument]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -232,6 +233,7 @@ def sliding_rate(arm: Arm) -> float:
     return max((max(pair) for pair in rates), default=0.0)
 
 
+@lru_cache(maxsize=16)  # the analysis of a design asks for each arm hundreds of times
 def without_dry_friction(arm: Arm) -> Arm:
     """Return an arm with viscous friction only; the same object if there is no dry friction."""
     if not sliding_rate(arm):
