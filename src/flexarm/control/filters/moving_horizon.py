@@ -219,7 +219,9 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
     `ExtendedKalmanFilter`. The use is the same: in a loop with ``EstimatorController``, on a record
     with ``run``, or in your own loop.
 
-    The covariance is that without bounds, so it is too large while a bound is active.
+    The covariance is that without bounds, so it is too large while a bound is active. The arrival
+    cost is linearised: while the payload is unknown, a ``horizon`` that is too short makes the
+    covariance too small; docs/performance/controllers.md has figures.
 
     Raises:
         InputError: if a number is wrong, a bound is not that of an uncertain number, bounds do not
