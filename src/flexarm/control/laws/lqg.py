@@ -588,9 +588,7 @@ class Composite(CompositeParameters, LQG):
         both = replace(item, gain=gain @ swing - rigid @ request - weight @ slow)
         if np.max(np.abs(np.linalg.eigvals(regulated(both)[1]))) > 1.0 + _ROUNDING:
             rule = f"makes the model unstable in the posture {shown(item.posture.tolist())}"
-            hint = (
-                "Reduce it, accept more bending, or use LQG: the weight may bend the arm too far."
-            )
+            hint = "Reduce it, accept more bending, or use LQG if the weight bends the arm too far."
             raise InputError(Problem("bandwidth", rule, hint=hint))
         return fast, both
 
