@@ -84,5 +84,10 @@ def test_sample_times_that_are_too_long_are_refused(arm):
     inner = fa.JointPD(5.0, 1.0, sample_time=0.2)
     with pytest.raises(fa.InputError, match=rule):
         fa.IntegralResonantControl(arm, inner, posture=POSTURE)
-    with pytest.raises(fa.InputError, match=r"bandwidth must be at most 50 rad/s, got 60 rad/s"):
-        fa.LoopShaping(arm, POSTURE, bandwidth=60.0, sample_time=0.02)
+    with pytest.raises(fa.InputError, match=rule):
+        fa.SlidingMode(arm, bandwidth=2.0, boundary_layer=0.1, sample_time=0.2)
+    fast, sampled = {"bandwidth": 60.0, "sample_time": 0.02}, r"at most 50 rad/s, got 60 rad/s"
+    with pytest.raises(fa.InputError, match=sampled):
+        fa.LoopShaping(arm, POSTURE, **fast)
+    with pytest.raises(fa.InputError, match=sampled):
+        fa.Adaptive(arm, damping=1.0, adaptation=1.0, **fast)

@@ -24,7 +24,7 @@ from flexarm.model.drives.around import MovingHorizonParameters
 
 #: Largest number of Gauss-Newton steps, and the largest change of a number relative to its
 #: deviation that ends them.
-_MOST, _SMALL = 10, 1e-8
+_MOST, _SMALL = 10, 1e-4
 #: Change of the last step, relative to the deviations, up to which the estimates have converged:
 #: small compared with the errors of the estimates.
 _TOLERATED = 1e-2
@@ -219,7 +219,9 @@ class MovingHorizonEstimator(MovingHorizonParameters, StateEstimator):
     `ExtendedKalmanFilter`. The use is the same: in a loop with ``EstimatorController``, on a record
     with ``run``, or in your own loop.
 
-    The covariance is that without bounds, so it is too large while a bound is active.
+    The covariance is that without bounds, so it is too large while a bound is active. The arrival
+    cost is linearised: while the payload is unknown, a ``horizon`` that is too short makes the
+    covariance too small; docs/performance/controllers.md has figures.
 
     Raises:
         InputError: if a number is wrong, a bound is not that of an uncertain number, bounds do not

@@ -16,7 +16,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import check_kind, check_number, check_positive
-from flexarm.base.errors import InputError, Problem, check_array, public_call
+from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.control.analysis.margins import loop_at, loop_margins, named_arms
 from flexarm.control.contract.base import (
     Arrays,
@@ -45,6 +45,7 @@ from flexarm.control.design.linear_design import (
     design,
     held,
     preview_gain,
+    regulated,
     regulator,
     rows_of,
     sizes_of,
@@ -453,6 +454,8 @@ def _least(
 _BANDWIDTH, _SPEED = 0.64, 1.6
 #: Rate at which the integral of the slow part removes errors, relative to the bandwidth.
 _REMOVED = 0.3
+#: Growth of a stable loop in a sample that rounding may cause.
+_ROUNDING = 1e-6
 #: Outputs that the fast part may weight: those that depend on the bending of the links only.
 _TIPS = "link_tip_deflection", "link_tip_slope"
 BENDING = ("strain", *_TIPS, *(f"{name}_rate" for name in _TIPS))
@@ -482,9 +485,7 @@ class Composite(CompositeParameters, LQG):
         fast_designs: the `FastDesign` of each posture of the grid.
 
     Raises:
-        InputError: as for `LQG`, or if the links of the arm are rigid.
-
-    Siciliano and Book 1988.
+        InputError: as for `LQG`, or if the links are rigid, or the design is unstable on its model.
     """
 
     references: ClassVar[str] = "SicilianoBook1988"
@@ -581,7 +582,12 @@ class Composite(CompositeParameters, LQG):
         swing = np.zeros((2 * k, width))
         swing[np.arange(2 * k), moved] = 1.0
         swing[:k] -= bend @ request + sag @ slow
-        return fast, replace(item, gain=gain @ swing - rigid @ request - weight @ slow)
+        both = replace(item, gain=gain @ swing - rigid @ request - weight @ slow)
+        if np.max(np.abs(np.linalg.eigvals(regulated(both)[1]))) > 1.0 + _ROUNDING:
+            rule = f"makes the model unstable in the posture {shown(item.posture.tolist())}"
+            hint = "Reduce it, accept more bending, or use LQG if the weight bends the arm too far."
+            raise InputError(Problem("bandwidth", rule, hint=hint))
+        return fast, both
 
     def _known_force_gain(self, item: Design) -> FloatArray:
         """Return the gain of elastic forces, whose bending belongs to the slow manifold: (C.37)."""

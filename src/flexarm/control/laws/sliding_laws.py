@@ -22,7 +22,12 @@ from flexarm.control.contract.base import (
     Step,
 )
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.arm_scales import default_cutoff, slow_rate, typical_torque
+from flexarm.control.design.arm_scales import (
+    check_sample_time,
+    default_cutoff,
+    slow_rate,
+    typical_torque,
+)
 from flexarm.control.design.rigid_model import RigidParameters, parameter_names
 from flexarm.kernels.controller_terms.adaptation import adaptive_torque, network_torque
 from flexarm.model.drives.controllers import (
@@ -59,6 +64,7 @@ class SlidingController(OfArm, Controller):
 
     def __post_init__(self) -> None:
         arm, own = self.arm, cast("Any", self)  # every law has the parameters in its own order
+        check_sample_time(arm, self.sample_time, own.bandwidth)
         if own.washout is None:
             own.washout = default_cutoff(arm, self.sample_time)
         self._bandwidth, self._washout, strain_gain = own.bandwidth, own.washout, own.strain_gain
@@ -129,7 +135,8 @@ class SlidingMode(SlidingModeParameters, SlidingController):
     torque is linear in s.
 
     Raises:
-        InputError: if a name is unknown, or a number is negative or not finite.
+        InputError: if a name is unknown, a number is negative or not finite, or ``sample_time`` is
+            too long for the arm or the bandwidth.
     """
 
     def __post_init__(self) -> None:
@@ -170,7 +177,7 @@ class Adaptive(AdaptiveParameters, SlidingController):
 
     Raises:
         InputError: if a name is unknown, a number is negative or not finite, or a lower bound
-            exceeds the upper one.
+            exceeds the upper one, or ``sample_time`` is too long.
     """
 
     _law = staticmethod(adaptive_torque)
@@ -248,7 +255,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
 
     Raises:
         InputError: if a number is negative or not finite, ``upper`` is less than ``lower``, or
-            there are too many Gaussians.
+            there are too many Gaussians, or ``sample_time`` is too long.
     """
 
     linearizable = False

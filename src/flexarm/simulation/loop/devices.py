@@ -122,24 +122,25 @@ class Acting:
 
     def cubics(self, t: float, until: float) -> tuple[FloatArray, FloatArray]:
         """Return breaks (pieces + 1,) of the torque, and coefficients (pieces, 4, joints)."""
-        start, target = self._now(t), self._target[-1]
-        count, lag = self.pieces, self._lag
-        numbers = np.result_type(start, target)  # complex in derivatives of runs
-        coefficients = np.zeros((count, 4, *target.shape), dtype=numbers)
-        coefficients[:, 0] = target
+        target, count, lag = self._target[-1], self.pieces, self._lag
         if lag == 0.0:
+            coefficients = np.zeros((count, 4, *target.shape), dtype=target.dtype)
+            coefficients[:, 0] = target
             return np.array([t, until]), coefficients
         followed = min(until - t, _SETTLED * lag)
-        breaks = np.append(t + followed / (count - 1) * np.arange(count), max(until, t + followed))
-        # Torque that remains at each break.
-        left = np.multiply.outer(np.exp(-(breaks - t) / lag), target - start)
-        h = followed / (count - 1)
-        rise, slope, slope_after = left[:-1] - left[1:], left[:-1] / lag, left[1:] / lag
-        coefficients[:-1, 0] -= left[:-2]
-        coefficients[:-1, 1] = slope[:-1]
-        coefficients[:-1, 2] = (3.0 * rise / h - 2.0 * slope - slope_after)[:-1] / h
-        coefficients[:-1, 3] = (slope + slope_after - 2.0 * rise / h)[:-1] / h**2
-        coefficients[-1, 0] -= left[-2]
+        h, numbers = followed / (count - 1), np.arange(count)
+        # The torque that remains falls by the same factor in each piece, so that all pieces have
+        # the coefficients of the first one, times the torque that remains at their starts.
+        fallen = -math.expm1(-h / lag)
+        mean = fallen / h
+        first = [-1.0, 1.0 / lag, 0.0, 0.0]
+        first[2] = (3.0 * mean - (3.0 - fallen) / lag) / h
+        first[3] = ((2.0 - fallen) / lag - 2.0 * mean) / h**2
+        shapes = np.multiply.outer(np.exp(-h / lag * numbers), first)
+        shapes[-1, 1:] = 0.0  # the torque is constant after the last break
+        coefficients = np.multiply.outer(shapes, target - self._now(t))
+        coefficients[:, 0] += target
+        breaks = np.append(t + h * numbers, max(until, t + followed))
         if breaks[-1] == breaks[-2]:  # breaks must increase, even if the last piece is empty
             breaks[-1] += lag
         return breaks, coefficients
