@@ -195,14 +195,11 @@ def significant_lag(residuals: FloatArray, valid: NDArray[np.bool_]) -> int:
     return longest
 
 
-def covariance_of(
-    columns: Sequence[Column], priors: FloatArray, shifts: Sequence[FloatArray] = ()
-) -> FloatArray:
+def covariance_of(columns: Sequence[Column], priors: FloatArray) -> FloatArray:
     """Return the covariance of the estimates; ``priors`` (parameters,) are inverse variances.
 
     The standard deviations are the larger ones of those from the derivatives, with the correlation
-    of residuals over time, and of those from blocks of the records. ``shifts`` (parameters,) are
-    changes by effects that the model lacks; they count as standard deviations.
+    of residuals over time, and of those from blocks of the records.
     """
     # A parameter without information has an infinite variance, and a combination of others without
     # information a very large one.
@@ -221,7 +218,7 @@ def covariance_of(
         smooth = np.sqrt(np.diag(total))
         larger = np.maximum(_block_deviations(columns, determined, root) / smooth, 1.0)
         total = total * np.outer(larger, larger)
-        covariance[block] = total + sum(np.outer(s[determined], s[determined]) for s in shifts)
+        covariance[block] = total
     return covariance
 
 
