@@ -120,7 +120,7 @@ def commission(
     2. The arm of the data sheet predicts the last 30 % of each record, which no stage fits.
     3. Stages: rigidity from the lowest measured mode; links and gauges, with joints that follow
        their measured angles; drives; all together. After each of them, effects that its residuals
-       show join the model: smoothed Coulomb friction, offsets, gains and delays of the records. A
+       show join the model: smoothed friction, offsets, gains and delays of the records. A
        stage that does not predict the last parts better is taken back.
     4. The last fit has standard deviations and unseen records, as `identify`.
 
