@@ -200,6 +200,18 @@ def test_undetermined_combinations_are_found_behind_initial_states():
     assert lost(columns, np.array([0.0, 0.0, 0.0, 0.0, 1e12])) == [[0, 1], [2]]
 
 
+def test_a_sum_is_named_with_a_part_that_is_nearly_zero():
+    """The first two act as a sum, the third alone; all of them are undetermined."""
+    rows = np.random.default_rng(4).standard_normal((COUNT, 3)) * [1e3, 1e3, 1e-3]
+    rows[:, 1] = rows[:, 0]
+    covariance = covariance_of([Column(white(2), rows, ALL)], np.zeros(3))
+    assert np.array_equal(covariance, covariance.T)
+    assert np.linalg.eigvalsh(covariance)[0] > 0.0
+    for part in (1e-5, 1.0):
+        lost = undetermined(covariance, np.array([part, 1.0, 0.01]))
+        assert sorted(sorted(places) for places, _ in lost) == [[0, 1], [2]]
+
+
 @pytest.mark.parametrize(
     ("path", "words"),
     [

@@ -19,7 +19,7 @@ from flexarm.identification.fitting import (
     FitProblem,
     profile_end,
 )
-from flexarm.identification.missing import information_of, missing_effects, with_effects
+from flexarm.identification.missing import HALF, Completed, completed, information_of
 from flexarm.identification.record import (
     MEASURED,
     MeasuredRecord,
@@ -54,8 +54,8 @@ _EQUAL, _OTHER, _MOST = 0.02, 0.2, 3
 _PERFECT = 99.9
 #: Largest relative change of a parameter at a further start.
 _FAR = 0.7
-#: Half the width of a 95 % interval, in standard deviations, and most intervals by profiles.
-_HALF, _MOST_PROFILED = 1.96, 6
+#: Most intervals by profiles.
+_MOST_PROFILED = 6
 _MEASURES = {
     "fit": ("%", "fit, 100 is perfect"),
     "rms": ("", "RMS of the residuals, SI units"),
@@ -74,22 +74,20 @@ class Assessment(NamedTuple):
     weak: tuple[int, ...] = ()  # places of parameters that the data do not determine
 
 
-def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
+def assessed(
+    problem: FitProblem, fit: Fit, loss: str = "linear", effects: bool = True
+) -> Assessment:
     """Return the assessment of a fit, with tests of ``effects`` that the model lacks."""
     slots, size = problem.space.slots, np.abs(fit.vector)
     columns, priors, physical = information_of(problem, fit)
     # Residuals of a search that goes on, or below the accuracy of the runs, show nothing.
     rough = fit.converged and min(fits_by_channel(problem.runs, fit.outputs).values()) < _PERFECT
-    missing = missing_effects(problem, fit, columns, priors) if effects and rough else []
-    shifts = [effect.shift for effect in missing]
-    covariance = covariance_of(columns, priors, shifts)
-    half, (lower, upper) = _HALF * np.sqrt(np.diag(covariance)), problem.space.bounds
-    near = physical & ((fit.vector - half < lower) | (fit.vector + half > upper))
-    if missing and near.any():
-        # Near a bound, such as one of damping, the derivatives are those of another motion.
-        start = np.where(near, problem.space.start, fit.vector)
-        moved = with_effects(problem, start, [effect.path for effect in missing]) - fit.vector
-        covariance = covariance_of(columns, priors, [*shifts, np.where(near, moved, 0.0)])
+    whole = Completed([], fit.vector, covariance_of(columns, priors))
+    if effects and rough:
+        whole = completed(problem, fit, columns, priors, loss)
+    # The change by effects counts as a standard deviation.
+    change = whole.vector - fit.vector
+    covariance = whole.covariance + np.outer(change, change)
     # An estimate of zero has no size.
     size = np.where(size > _AT_BOUND * problem.space.scale, size, problem.space.scale)
     # A change by effects is an error of the model, which says nothing about the data.
@@ -101,10 +99,10 @@ def assessed(problem: FitProblem, fit: Fit, effects: bool = True) -> Assessment:
     sentences = [_sentence_of_each(alone)] if alone else []
     sentences += [_sentence(places, d) for places, d in named if len(places) > 1]
     return Assessment(
-        _table(problem, fit, covariance, np.flatnonzero(physical)),
-        _table(problem, fit, covariance, np.flatnonzero(~physical)),
+        _table(problem, fit, covariance, whole.vector, np.flatnonzero(physical)),
+        _table(problem, fit, covariance, whole.vector, np.flatnonzero(~physical)),
         tuple(sentences),
-        tuple(effect.sentence for effect in missing),
+        tuple(effect.sentence for effect in whole.effects),
         tuple(sorted({int(np.flatnonzero(physical)[k]) for places, _ in lost for k in places})),
     )
 
@@ -131,12 +129,12 @@ def profiled(problem: FitProblem, fit: Fit, assessment: Assessment) -> xr.Datase
         widened = stated / deviation if np.isfinite(stated) else 1.0
         direction = np.zeros(fit.vector.size)
         direction[acting] = column / deviation**2
-        first = min(_HALF * stated, max(abs(fit.vector[place]), problem.space.scale[place]))
+        first = min(HALF * stated, max(abs(fit.vector[place]), problem.space.scale[place]))
         for name, sign in (("interval_start", -1.0), ("interval_end", 1.0)):
             if table["lower" if sign < 0.0 else "upper"][row] == fit.vector[place]:
                 continue
             change = sign * first * direction
-            rise = 0.5 * (_HALF * widened) ** 2
+            rise = 0.5 * (HALF * widened) ** 2
             end = profile_end(problem, fit, place, change, rise)
             table[name][row] = table[name][row] if np.isnan(end) else end
     return table
@@ -165,7 +163,13 @@ def estimate_errors(
     return np.asarray(slopes @ root)
 
 
-def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.ndarray) -> xr.Dataset:
+def _table(
+    problem: FitProblem,
+    fit: Fit,
+    covariance: FloatArray,
+    completed: FloatArray,
+    places: np.ndarray,
+) -> xr.Dataset:
     slots = [problem.space.slots[k] for k in places]
     block = covariance[np.ix_(places, places)]
     deviation = np.sqrt(np.maximum(np.diag(block), 0.0))
@@ -174,7 +178,7 @@ def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.nda
     values = fit.vector[places]
     lower, upper = (bound[places] for bound in problem.space.bounds)
     near = _AT_BOUND * problem.space.scale[places]
-    ends = [np.clip(values + sign * _HALF * deviation, lower, upper) for sign in (-1.0, 1.0)]
+    ends = [np.clip(values + sign * HALF * deviation, lower, upper) for sign in (-1.0, 1.0)]
     columns = {
         "estimate": values,
         "standard_deviation": deviation,
@@ -183,6 +187,7 @@ def _table(problem: FitProblem, fit: Fit, covariance: FloatArray, places: np.nda
         "start": np.array([slot.start for slot in slots]),
         "lower": lower,
         "upper": upper,
+        "with_effects": np.where(completed == fit.vector, np.nan, completed)[places],
         "at_bound": (values - lower < near) | (upper - values < near),
     }
     names = [slot.name for slot in slots]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -38,12 +37,14 @@ from flexarm.identification.identify import (
 )
 from flexarm.identification.inspection import inspected
 from flexarm.identification.missing import (
+    OF_JOINT,
     Effect,
+    can_join,
     effect_name,
     information_of,
+    joined,
     missing_effects,
     smoothing_rates,
-    with_coulomb,
 )
 from flexarm.identification.record import (
     FEWEST,
@@ -63,7 +64,6 @@ from flexarm.identification.space import (
     Space,
     check_free,
     in_words,
-    of_records,
     start_angles,
     with_joint,
     without_error,
@@ -72,7 +72,7 @@ from flexarm.identification.statistics import fit_percent
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
-from flexarm.model import ArmSpec, Contact, Motors
+from flexarm.model import Contact, Motors
 from flexarm.model.identification import INPUTS, FreeParameter, RecordSettings
 from flexarm.model.paths import with_number
 from flexarm.model.quantities import Flag
@@ -120,7 +120,7 @@ def commission(
     2. The arm of the data sheet predicts the last 30 % of each record, which no stage fits.
     3. Stages: rigidity from the lowest measured mode; links and gauges, with joints that follow
        their measured angles; drives; all together. After each of them, effects that its residuals
-       show join the model: smoothed Coulomb friction, offsets, gains and delays of the records. A
+       show join the model: smoothed friction, offsets, gains and delays of the records. A
        stage that does not predict the last parts better is taken back.
     4. The last fit has standard deviations and unseen records, as `identify`.
 
@@ -309,7 +309,8 @@ class _Commissioning:
             while effects and not kept:
                 assert fitted is not None
                 words = ", ".join(effect_name(effect.path, short=True) for effect in effects)
-                case, more = self._joined(fitted.case, effects)
+                case, paths = joined(fitted.case, effects, self._smoothing(fitted.case))
+                more = {path: FreeParameter(path) for path in paths}
                 trial = self._tried(f"+ {words}", case, {**fitted.free, **more}, following)
                 kept = trial[1]
                 effects = effects[:1] if len(effects) > 1 else []
@@ -389,26 +390,8 @@ class _Commissioning:
             effect
             for effect in missing_effects(problem, fit, columns, priors)
             if not (gauges and effect.path.startswith("gains.strain"))
-            and (of_records(effect.path) or _can_join(fitted.case.spec, effect.path))
+            and can_join(fitted.case.spec, effect.path)
         ]
-
-    def _joined(self, case: Case, effects: Sequence[Effect]) -> tuple[Case, Parameters]:
-        """Return a case with effects at their sizes, and their parameters."""
-        spec, errors = case.spec, dict(case.errors)
-        for effect in effects:
-            match = _OF_JOINT.match(effect.path)
-            if match is None:
-                errors[effect.path] = without_error(effect.path) + effect.size
-                if effect.path.startswith("delays."):
-                    errors[effect.path] = max(errors[effect.path], 0.0)
-            elif match[2] == "backlash":
-                spec = with_number(spec, effect.path, effect.size)
-            else:
-                index = int(match[1])
-                rate = self._smoothing(case)[driven_joints(spec).index(index)]
-                spec = with_coulomb(spec, index, effect.size, rate)
-        parameters = {effect.path: FreeParameter(effect.path) for effect in effects}
-        return case._replace(spec=spec, errors=errors), parameters
 
     def _smoothing(self, case: Case) -> FloatArray:
         """Return the rates (joints,) below which friction is smooth, rad/s."""
@@ -458,18 +441,6 @@ class _Commissioning:
 _FACTORS, _UNITS = (1.0 / 3.0, 3.0), ": check the units of the record, such as degrees"
 _CUT = "Cut the record where its sensors work."
 _RIVAL = ", or masses that differ from the data sheet by more than 10 %"
-_OF_JOINT = re.compile(r"joints\[(\d+)\]\.(friction\.coulomb|backlash)$")
-
-
-def _can_join(spec: ArmSpec, path: str) -> bool:
-    """Return whether an effect is friction that a joint lacks, or backlash of an elastic joint."""
-    match = _OF_JOINT.match(path)
-    if match is None:
-        return False
-    joint = spec.joints[int(match[1])]
-    if match[2] == "backlash":
-        return joint.elastic
-    return joint.friction is None or joint.friction.coulomb == 0.0
 
 
 def _length(record: MeasuredRecord) -> int:
@@ -537,10 +508,14 @@ def _named(table: xr.Dataset) -> list[str]:
         kind, _, text = path.partition(".")
         label = label_of(text)
         unit = MEASURED[label.channel].unit.replace("1", "") if label else ""
-        match = _OF_JOINT.match(path)
+        match = OF_JOINT.match(path)
         joint = int(match[1]) + 1 if match else 0
         if match and match[2] == "backlash":
             sentences.append(f"Joint {joint} has backlash of about {value:.2g} rad.")
+        elif match and match[2] == "friction.static":
+            sentences.append(
+                f"Joint {joint} breaks away at about {value:.2g} N m: Stribeck friction."
+            )
         elif match and start == 0.0:
             sentence = f"Joint {joint} stops early: Coulomb friction of about {value:.2g} N m"
             # While a joint moves, an offset of its torque and friction of each direction are equal.

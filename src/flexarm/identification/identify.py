@@ -148,10 +148,11 @@ def identify(
         Estimates with standard deviations and correlations, combinations that the data do not
         determine, fit and tests of residuals, and the arm with the estimates. A standard deviation
         is the larger one of two: from the derivatives, with the correlation of residuals over time,
-        and from eight blocks of the records. It contains the change by effects that the residuals
-        show and the model lacks: friction, offsets, delays and gains. These are not looked for with
-        prediction errors, without convergence, or if all channels fit above 99.9 %; and they may be
-        misnamed: in one of ten records with friction two estimates were 4 and 7 deviations off.
+        and from eight blocks of the records. If the residuals show effects that the model lacks
+        (friction, backlash, offsets, delays, gains), a coarse fit of at most 12 evaluations with
+        each of up to three follows: the table has its estimates, ``with_effects``, and the standard
+        deviations contain the change to them. Effects are not looked for with prediction errors,
+        without convergence, or if all channels fit above 99.9 %; and they may be misnamed.
 
     Raises:
         InputError: if a record does not fit the arm, or a path is not one of a number; all
@@ -188,13 +189,13 @@ def identified(
     problem, others, parameters = prepared
     space, runs = problem.space, problem.runs
     tried = _fits(problem, 1 if starts is None else starts, random, loss, iterations)
-    best, assessment = _best(problem, tried)
+    best, assessment = _best(problem, tried, loss)
     doubtful = assessment.undetermined or related(assessment.parameters)
     if starts is None and best.converged and doubtful:
         direction = weakest_direction(problem, assessment.parameters)
         tried += fitting.other_fits(problem, best, direction, loss, iterations)
         if min(tried, key=_cost_of) is not best:
-            best, assessment = _best(problem, tried)
+            best, assessment = _best(problem, tried, loss)
     shared = space.case(None, best.vector)
     estimated = Arm(shared.spec)
     table = assessment.parameters
@@ -397,13 +398,13 @@ def _cost_of(fit: fitting.Fit | None) -> float:
 
 
 def _best(
-    problem: fitting.FitProblem, fits: Sequence[fitting.Fit | None]
+    problem: fitting.FitProblem, fits: Sequence[fitting.Fit | None], loss: str
 ) -> tuple[fitting.Fit, Assessment]:
     """Return the fit with the largest likelihood, and its assessment."""
     best = min(fits, key=_cost_of)
     assert best is not None
     problem.restore(best)
-    return best, assessed(problem, best)
+    return best, assessed(problem, best, loss)
 
 
 def _predicted(

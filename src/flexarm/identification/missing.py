@@ -1,15 +1,17 @@
 """Effects that residuals show and the model lacks: friction, backlash, offsets, delays, gains.
 
-Each effect but backlash is a signal that is added to an input or to an output, so that its change
-of the outputs is computed without a new arm. The test is the score test with the correlation of
-residuals over time (Breusch and Pagan, Review of Economic Studies 47 (1980) 239; Newey and West,
-Econometrica 55 (1987) 703): the part of the change that no estimate can reproduce is compared with
-the residuals.
+Each effect but backlash is tested as a signal that is added to an input or to an output, so that
+its change of the outputs is computed without a new arm. The test is the score test with the
+correlation of residuals over time (Breusch and Pagan, Review of Economic Studies 47 (1980) 239;
+Newey and West, Econometrica 55 (1987) 703): the part of the change that no estimate can reproduce
+is compared with the residuals. The estimates of a model that has the effect are those of a new fit.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +25,23 @@ from flexarm.identification.prediction import PredictedRun
 from flexarm.identification.record import MEASURED, check_label
 from flexarm.identification.result import SIGNIFICANT
 from flexarm.identification.runs import RecordRun
-from flexarm.identification.space import Case, error_paths, in_words, with_joint
-from flexarm.identification.statistics import Column, coloured_information, whiteness
+from flexarm.identification.space import (
+    Case,
+    error_paths,
+    in_words,
+    of_records,
+    with_joint,
+    without_error,
+)
+from flexarm.identification.statistics import (
+    Column,
+    coloured_information,
+    covariance_of,
+    whiteness,
+)
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Friction, Joint
+from flexarm.model.paths import with_number
 
 #: Size of added inputs, as a fraction of the largest input.
 _SIZE = 0.01
@@ -35,16 +50,19 @@ _SIZE = 0.01
 _DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-6
 #: Blocks of the records, and least deviations by their scatter (95 % of t for eight of them).
 _BLOCKS, _CONSISTENT = 8, 2.36
-#: Most effects that are named, and steps to the estimates of a model that has them.
-_MOST, _STEPS = 3, 2
+#: Most effects that are named, and half the width of a 95 % interval in standard deviations.
+_MOST, HALF = 3, 1.96
 #: For a rigid joint with backlash: vibration of its gear relative to the rate of the record, part
 #: of the critical damping, and part of the hub's inertia that is the motor's if none is given.
 _GEAR, _DAMPED, _MOTOR = 0.25, 0.5, 0.4
 #: Least power of residuals, as a fraction, that a fit of all but backlash must leave if a gap is
 #: named, and its evaluations. Gaps leave 0.74 to 0.88, records without one at most 0.3.
 _LEFT, _EVALUATIONS = 0.5, 12
-#: Rate below which friction is smooth, as a fraction of the largest joint rate.
-_SMOOTH = 0.02
+#: Rates below which friction is smooth, and over which Stribeck friction decays at first, as
+#: fractions of the largest joint rate.
+_SMOOTH, _STRIBECK = 0.02, 0.1
+#: Paths of effects in a joint.
+OF_JOINT = re.compile(r"joints\[(\d+)\]\.(friction\.coulomb|friction\.static|backlash)$")
 
 
 class Effect(NamedTuple):
@@ -72,7 +90,7 @@ class _Candidate(NamedTuple):
 def effect_name(path: str, short: bool = False) -> str:
     """Return the name of an effect in sentences and, if ``short``, in tables."""
     kind, _, text = path.partition(".")
-    words = in_words(path).replace("coulomb", "Coulomb")
+    words = in_words(path).replace("coulomb", "Coulomb").replace("static", "Stribeck")
     if kind == "drifts":
         words = f"drift of {text}"
     if kind == "gains" and not short:
@@ -82,7 +100,11 @@ def effect_name(path: str, short: bool = False) -> str:
 
 
 def missing_effects(
-    problem: FitProblem, fit: Fit, columns: Sequence[Column], priors: FloatArray
+    problem: FitProblem,
+    fit: Fit,
+    columns: Sequence[Column],
+    priors: FloatArray,
+    most: int = _MOST,
 ) -> list[Effect]:
     """Return the effects that residuals show and the model lacks, the largest first.
 
@@ -97,7 +119,7 @@ def missing_effects(
     residuals = np.concatenate([column.residuals for column in columns])
     basis, triangle = np.linalg.qr(slopes)
     total, chosen = float(residuals @ residuals), list[tuple[_Candidate, float]]()
-    while candidates and total > 0.0 and len(chosen) < _MOST:
+    while candidates and total > 0.0 and len(chosen) < most:
         rest = residuals - basis @ (basis.T @ residuals)
         tests = [_test(candidate, columns, basis, rest, total) for candidate in candidates]
         best = int(np.argmax([share for share, _ in tests]))
@@ -134,7 +156,7 @@ def _left_without_gap(problem: FitProblem, fit: Fit) -> float:
     Where a parameter is wrong or an effect is missing, the residuals of a fit are far from linear
     in it, so that a gap may resemble them more than the effect does. Zero if the fit fails.
     """
-    runs, space, case = problem.runs, problem.space, problem.space.case(None, fit.vector)
+    runs, case = problem.runs, problem.space.case(None, fit.vector)
     spec, rates = case.spec, smoothing_rates(runs, case)
     paths = [path for run in runs for path in error_paths(run.record) if run.record.input in path]
     for index, rate in zip(driven_joints(spec), rates, strict=True):
@@ -143,14 +165,127 @@ def _left_without_gap(problem: FitProblem, fit: Fit) -> float:
     prescribed = set.intersection(*(set(run.record.settings.prescribed) for run in runs))
     paths += [*of_drives(spec, case.motors, prescribed), *of_masses(spec)]
     try:
-        rival = FitProblem(space.wider(case._replace(spec=spec), paths), runs, None, problem.noise)
-        names = {slot.name: k for k, slot in enumerate(space.slots)}
-        slots = rival.space.slots
-        start = [fit.vector[names[s.name]] if s.name in names else s.start for s in slots]
-        best = fit_from(rival, np.array(start), "linear", _EVALUATIONS, COARSE)
+        rival, best = _fit_of_wider(
+            problem, fit, case._replace(spec=spec), paths, "linear", loose=True
+        )
         return float(np.sum(rival.weighted(best.vector, best.outputs) ** 2))
     except (FitFailure, FlexarmError):
         return 0.0
+
+
+def _fit_of_wider(
+    problem: FitProblem, fit: Fit, case: Case, paths: Sequence[str], loss: str, loose: bool
+) -> tuple[FitProblem, Fit]:
+    """Return a coarse fit from a case with further free numbers, and its problem.
+
+    ``loose``: without bounds and priors.
+    """
+    rival = FitProblem(problem.space.wider(case, paths, loose), problem.runs, None, problem.noise)
+    slots = zip(problem.space.slots, fit.vector.tolist(), strict=True)
+    estimates = {slot.name: value for slot, value in slots}
+    start = [estimates.get(slot.name, slot.start) for slot in rival.space.slots]
+    return rival, fit_from(rival, np.array(start), loss, _EVALUATIONS, COARSE)
+
+
+class Completed(NamedTuple):
+    """Effects that a model lacks, and its estimates with them."""
+
+    effects: list[Effect]
+    vector: FloatArray  # (parameters,) estimates of the parameters of the model
+    covariance: FloatArray  # (parameters, parameters), with the change by an effect not fitted
+
+
+def completed(
+    problem: FitProblem, fit: Fit, columns: Sequence[Column], priors: FloatArray, loss: str
+) -> Completed:
+    """Return the effects that residuals show, and the estimates of a model that has them.
+
+    After each effect all parameters are fitted with it, and the residuals of that fit tested: the
+    change of estimates far from the true ones is not linear, and residuals resemble several
+    effects. ``columns`` and ``priors`` as in ``missing_effects``.
+    """
+    rival, best, effects = problem, fit, list[Effect]()
+    covariance = covariance_of(columns, priors)
+    while len(effects) < _MOST:
+        new = missing_effects(rival, best, columns, priors, 1)
+        if not new or new[0].path in [effect.path for effect in effects]:
+            break
+        effects += new
+        try:
+            rival, best, columns, priors = _fit_with(rival, best, covariance, new, loss)
+            covariance = covariance_of(columns, priors)
+        except (FitFailure, FlexarmError):
+            covariance = covariance + np.outer(new[0].shift, new[0].shift)
+            break
+    names = [slot.name for slot in rival.space.slots]
+    places = [names.index(slot.name) for slot in problem.space.slots]
+    return Completed(effects, best.vector[places], covariance[np.ix_(places, places)])
+
+
+def _fit_with(
+    problem: FitProblem, fit: Fit, covariance: FloatArray, effects: Sequence[Effect], loss: str
+) -> tuple[FitProblem, Fit, list[Column], FloatArray]:
+    """Return the problem of a fit with effects, the fit, and its columns and priors.
+
+    FitFailure if no parameter describes the effects.
+    """
+    space, case = problem.space, problem.space.case(None, fit.vector)
+    if not all(can_join(case.spec, effect.path) for effect in effects):
+        raise FitFailure("no parameter describes an effect")
+    half, (lower, upper) = HALF * np.sqrt(np.diag(covariance)), space.bounds
+    if np.any((fit.vector - half < lower) | (fit.vector + half > upper)):
+        # Near a bound, such as one of damping, the derivatives are those of another motion.
+        fit = replace(fit, vector=space.start)
+    rates = smoothing_rates(problem.runs, case)
+    case, paths = joined(space.case(None, fit.vector), effects, rates)
+    rival, best = _fit_of_wider(problem, fit, case, paths, loss, loose=False)
+    columns, priors, _ = information_of(rival, best)
+    return rival, best, columns, priors
+
+
+def can_join(spec: ArmSpec, path: str) -> bool:
+    """Return whether parameters describe an effect: an error of a record, friction, or backlash."""
+    match = OF_JOINT.match(path)
+    if match is None:
+        return of_records(path)
+    joint = spec.joints[int(match[1])]
+    if match[2] == "backlash":
+        return joint.elastic
+    return bool(joint.friction and joint.friction.coulomb) == path.endswith("static")
+
+
+def joined(case: Case, effects: Sequence[Effect], rates: FloatArray) -> tuple[Case, list[str]]:
+    """Return a case with effects at their sizes, and the paths of the numbers that describe them.
+
+    ``rates`` (joints,) are those below which friction is smooth, rad/s.
+    """
+    spec, errors, paths = case.spec, dict(case.errors), list[str]()
+    for path, size in [(effect.path, effect.size) for effect in effects]:
+        match = OF_JOINT.match(path)
+        paths.append(path)
+        if match is None:
+            errors[path] = errors.get(path, without_error(path)) + size
+            if path.startswith("delays."):
+                errors[path] = max(errors[path], 0.0)
+            continue
+        index = int(match[1])
+        rate = float(rates[driven_joints(spec).index(index)])
+        if match[2] == "backlash":
+            spec = with_number(spec, path, size)
+        elif match[2] == "friction.coulomb":
+            spec = with_coulomb(spec, index, size, rate)
+        else:
+            friction = spec.joints[index].friction
+            assert friction is not None
+            friction = friction.replace(
+                static=friction.coulomb + size,
+                stribeck_rate=_STRIBECK / _SMOOTH * rate,
+                smoothing_rate=friction.smoothing_rate or rate,
+            )
+            spec = with_joint(spec, index, spec.joints[index].replace(friction=friction))
+            # Friction that is smooth over a wrong rate has another size at rest.
+            paths += [f"joints[{index}].friction.{name}_rate" for name in ("stribeck", "smoothing")]
+    return case._replace(spec=spec, errors=errors), paths
 
 
 def smoothing_rates(runs: Sequence[RecordRun], case: Case) -> FloatArray:
@@ -238,33 +373,6 @@ def information_of(
     return columns, priors, np.array([not slot.initial for slot in slots], dtype=bool)
 
 
-def with_effects(problem: FitProblem, start: FloatArray, paths: Sequence[str]) -> FloatArray:
-    """Return the estimates (parameters,) of a model with effects, a few steps from a start.
-
-    The start, if it cannot be simulated.
-    """
-    vector, scale = start, problem.space.scale
-    try:
-        for _ in range(_STEPS):
-            outputs = problem.outputs(vector)
-            if outputs is None:
-                break
-            trial = problem.fit(vector, outputs, False)
-            columns, priors, _ = information_of(problem, trial)
-            every = {each.path: each.columns for each in _candidates(problem, trial)}
-            effects = np.stack([np.concatenate(every[path]) for path in paths], axis=1)
-            slopes = np.concatenate([column.derivatives for column in columns])
-            rows = np.hstack([slopes * scale, effects / np.linalg.norm(effects, axis=0)])
-            held = np.pad(-np.diag(np.sqrt(priors) * scale), ((0, 0), (0, len(paths))))
-            expected = np.array([slot.prior for slot in problem.space.slots])
-            residuals = [*(c.residuals for c in columns), np.sqrt(priors) * (expected - vector)]
-            step = np.linalg.lstsq(np.vstack([rows, held]), -np.concatenate(residuals))[0]
-            vector = np.clip(vector + scale * step[: scale.size], *problem.space.bounds)
-    except (FitFailure, KeyError):  # KeyError: an effect cannot be simulated there
-        pass
-    return vector
-
-
 def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
     """Return the effects to test, with their changes in all records."""
     zeros = [np.zeros(run.measured.shape) for run in problem.runs]
@@ -310,6 +418,11 @@ def _of_inputs(run: RecordRun, case: Case, rates: FloatArray) -> dict[str, Float
     for k, (number, index) in enumerate(zip(run.joint_numbers, run.joint_places, strict=True)):
         axis = np.eye(joints)[k]
         signals[f"joints[{index}].friction.coulomb"] = -np.sign(middle) * axis
+        friction = case.spec.joints[index].friction
+        if friction and friction.coulomb and friction.static in (None, friction.coulomb):
+            rapid = _STRIBECK * np.abs(rates[:, k]).max() or 1.0
+            fading = -np.sign(middle) * np.exp(-((middle / rapid) ** 2))
+            signals[f"joints[{index}].friction.static"] = fading * axis
         signals[f"offsets.{run.record.input}_{number}"] = -np.ones_like(middle) * axis
         signals[f"gains.{run.record.input}_{number}"] = -run.samples * axis
     signals[f"delays.{run.record.input}"] = -np.gradient(run.samples, axis=0) * run.record.rate

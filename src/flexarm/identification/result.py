@@ -46,7 +46,8 @@ class Identification:
         motors: with their estimates, or None.
         parameters: dataset over ``parameter`` (the paths): ``estimate``, ``standard_deviation``,
             ``interval_start`` and ``interval_end`` (95 %, within the bounds), ``start``, ``lower``,
-            ``upper``, ``at_bound``, and ``correlation`` (parameter, other).
+            ``upper``, ``at_bound``, ``with_effects`` (the estimates of a coarse fit with the
+            effects of ``missing``, else NaN), and ``correlation`` (parameter, other).
         initial: the same for the estimated numbers of initial states, which are changes of the
             coordinates q and their rates from the start of the record.
         undetermined: sentences about parameters, or combinations of them, that the data do not
@@ -193,6 +194,8 @@ class Identification:
             uneven = limited and not abs(end - 2.0 * value + start) < _UNEVEN * (end - start)
             remarks = ["at its bound"] if bool(one["at_bound"]) else []
             remarks += [f"95 %: {start:.3g} to {end:.3g}"] if uneven else []
+            whole = float(one.get("with_effects", np.nan))  # results of earlier versions lack it
+            remarks += [f"{whole:.4g} with the missing effects"] if np.isfinite(whole) else []
             remark = ", ".join(remarks)
             table.append((name, *(f"{value:.5g}" for value in numbers), remark))
         return table
@@ -351,7 +354,7 @@ _TABLES = ("parameters", "initial", "fit", "validation", "stages")
 
 
 def _no_parameters() -> xr.Dataset:
-    names = "estimate standard_deviation interval_start interval_end start lower upper"
+    names = "estimate standard_deviation interval_start interval_end start lower upper with_effects"
     columns: dict[str, Any] = {name: ("parameter", np.zeros(0)) for name in names.split()}
     columns["at_bound"] = "parameter", np.zeros(0, dtype=bool)
     columns["correlation"] = ("parameter", "other"), np.zeros((0, 0))

@@ -151,11 +151,17 @@ class Space:
             for k, name in enumerate(self._names)
         ]
 
-    def wider(self, case: Case, paths: Sequence[str]) -> Space:
-        """Return the space from a case with further free numbers, without bounds and priors."""
+    def wider(self, case: Case, paths: Sequence[str], loose: bool) -> Space:
+        """Return the space from a case with further free numbers.
+
+        ``loose``: without bounds and priors.
+        """
         unbounded = dict.fromkeys(("lower", "upper", "prior", "prior_deviation"))
-        free = {p.path: p.replace(**unbounded) for p in self._free}
-        free = {path: FreeParameter(path) for path in paths} | free
+        free = {path: FreeParameter(path) for path in paths}
+        for p in self._free:
+            expected = {slot.path: slot.prior for slot in self.slots}[p.path]
+            kept = {"prior": expected} if p.prior_deviation else {}
+            free[p.path] = p.replace(**(unbounded if loose else kept))
         return Space(Arm(case.spec), case.motors, list(free.values()), self._records, case.errors)
 
     @property

@@ -26,10 +26,13 @@ _LONGEST = 0.1
 UNDETERMINED = 0.5
 #: Smallest eigenvalue of the normalised information that counts, as a fraction of the largest.
 _SINGULAR = 1e-14
-#: Components of a combination that are named, as a fraction of its largest one.
-_NAMED = 0.02
+#: Components of a combination that are named, as a fraction of its largest one: relative to the
+#: parameters, and to their deviations, in which those of a sum are equal.
+_NAMED, _EQUAL = 0.02, 0.5
 #: Blocks of all records together, and the least information without a block, as a fraction.
 _BLOCKS, _LEFT = 8, 0.1
+#: Least factor on a variance by the correlation of residuals, which rounding may make negative.
+_ROUNDED = 0.1
 
 
 def fit_percent(measured: FloatArray, simulated: FloatArray) -> float:
@@ -192,14 +195,11 @@ def significant_lag(residuals: FloatArray, valid: NDArray[np.bool_]) -> int:
     return longest
 
 
-def covariance_of(
-    columns: Sequence[Column], priors: FloatArray, shifts: Sequence[FloatArray] = ()
-) -> FloatArray:
+def covariance_of(columns: Sequence[Column], priors: FloatArray) -> FloatArray:
     """Return the covariance of the estimates; ``priors`` (parameters,) are inverse variances.
 
     The standard deviations are the larger ones of those from the derivatives, with the correlation
-    of residuals over time, and of those from blocks of the records. ``shifts`` (parameters,) are
-    changes by effects that the model lacks; they count as standard deviations.
+    of residuals over time, and of those from blocks of the records.
     """
     # A parameter without information has an infinite variance, and a combination of others without
     # information a very large one.
@@ -210,17 +210,15 @@ def covariance_of(
     if determined.any():
         coloured = (coloured_information(columns) + np.diag(priors) - curvature)[block]
         root = inverse_root(curvature[block])
-        inverse = root @ root.T
-        # The sum equals the usual product for residuals that are not white, but it does not lose
-        # the variance of combinations whose curvature is zero.
-        total = inverse + inverse @ coloured @ inverse
-        # Derivatives that are only rounding may give a negative variance.
-        lost = np.diag(total) <= 0.0
-        total[lost], total[:, lost] = inverse[lost], inverse[:, lost]
+        # The product with the roots does not lose the variance of combinations whose curvature is
+        # zero, and rounding does not make it negative.
+        values, vectors = np.linalg.eigh(np.eye(len(root)) + root.T @ coloured @ root)
+        root_of_total = root @ vectors * np.sqrt(np.maximum(values, _ROUNDED))
+        total = root_of_total @ root_of_total.T
         smooth = np.sqrt(np.diag(total))
         larger = np.maximum(_block_deviations(columns, determined, root) / smooth, 1.0)
         total = total * np.outer(larger, larger)
-        covariance[block] = total + sum(np.outer(s[determined], s[determined]) for s in shifts)
+        covariance[block] = total
     return covariance
 
 
@@ -304,9 +302,10 @@ def undetermined(covariance: FloatArray, scale: FloatArray) -> list[tuple[list[i
     # A single parameter may be uncertain although no eigenvector is.
     combinations += [unit for unit in np.eye(places.size) if not np.any(unit @ weak)]
     for vector in combinations:
-        order = np.argsort(-np.abs(vector))
-        most = _NAMED * np.abs(vector).max()
-        involved = [int(places[k]) for k in order if abs(vector[k]) > most]
+        # Of a sum, one parameter may be so small that the other ones do not change relatively.
+        size, alike = np.abs(vector), np.abs(vector) / deviations[places]
+        large = (size > _NAMED * size.max()) | (alike > _EQUAL * alike.max())
+        involved = [int(places[k]) for k in np.argsort(-size) if large[k]]
         spread = float(np.sqrt(vector @ block @ vector) / np.linalg.norm(vector))
         named.append((involved, spread if len(involved) > 1 else float(deviations[involved[0]])))
     return named
