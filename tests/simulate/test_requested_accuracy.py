@@ -4,10 +4,12 @@ import warnings
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import flexarm as fa
 import page_scripts
 from accuracy_runs import QUIET, random_arm, tip_error
+from flexarm.simulation.calls.run import with_error
 
 
 @pytest.mark.thorough
@@ -73,6 +75,24 @@ def test_steps_between_samples_are_verified_by_another_method():
     assert error < run.attrs["integration_error"] < 1e-4
     # Two runs, one of them with fewer evaluations.
     assert run.attrs["evaluations"] < 2 * exact.attrs["evaluations"]
+
+
+def test_methods_that_disagree_are_not_called_accurate():
+    """Also if finer tolerances change nothing: the steps are those of the samples."""
+
+    def run(tip, method):
+        values = xr.DataArray(np.full((5, 2), tip), dims=("time", "axis"))
+        attributes = {"integrator": method, "steps": 100, "controller_calls": 100, "rtol": 1e-6}
+        work = {"evaluations": 1000, "wall_seconds": 1.0, "unstable_loop": ""}
+        return xr.Dataset({"tip": values}, attrs=attributes | work), []
+
+    def executed(accuracy, integrator="dormand_prince_8"):
+        return run(1.003 if integrator == "kennedy_carpenter_5" else 1.0, integrator)
+
+    (result, _), doubt = with_error(run(1.0, "dormand_prince_8"), 1e-4, executed)
+    assert result.attrs["integration_error"] == pytest.approx(3e-3 * 2**0.5, rel=0.5)
+    assert result.attrs["evaluations"] == 3000
+    assert "Do not rely on an accuracy" in doubt
 
 
 def test_batch_equals_single_runs_bit_for_bit():

@@ -209,13 +209,19 @@ def warn_of_bending(arm: Arm, q: FloatArray) -> None:
 def warn_of_first(texts: list[str]) -> None:
     """Report the first text that is not empty as a warning, as `warn_of_bending` does."""
     if text := next(filter(None, texts), ""):
-        warn_caller(text, LargeDeflectionWarning)
+        warn_caller(_OfStates(text), LargeDeflectionWarning)
+
+
+class _OfStates(str):
+    """Text of a warning of which `one_warning` reports the first one only."""
 
 
 @contextmanager
 def one_warning(report: bool = True) -> Iterator[None]:
-    """Report the first warning of a deflection of the calls within, or none of them."""
+    """Report the first warning of bent states by the calls within, or none of them."""
     with kept_warnings(LargeDeflectionWarning) as kept:
         yield
-    for text, kind in kept[:report]:
-        warn_caller(text, kind)
+    for text, kind in kept:
+        if report or not isinstance(text, _OfStates):
+            warn_caller(text, kind)
+        report = report and not isinstance(text, _OfStates)

@@ -417,7 +417,7 @@ class ImplausibleValueWarning(FlexarmWarning):
 
 
 class _Keeper(NamedTuple):
-    """Where `kept_warnings` keeps those of a kind, and the keeper around it."""
+    """The list in which `kept_warnings` collects a kind, and the keeper around this one."""
 
     kind: type[Warning]
     kept: list[tuple[str, type[Warning]]]
@@ -444,7 +444,7 @@ def warn_caller(text: str, category: type[Warning]) -> None:
 
 @contextmanager
 def kept_warnings(kind: type[Warning] = Warning) -> Iterator[list[tuple[str, type[Warning]]]]:
-    """Collect warnings of a kind of the calls within, as arguments of `warn_caller`."""
+    """Collect the warnings of one kind that the calls within report, with their categories."""
     kept: list[tuple[str, type[Warning]]] = []
     token = _KEEPER.set(_Keeper(kind, kept, _KEEPER.get()))
     try:
@@ -456,7 +456,7 @@ def kept_warnings(kind: type[Warning] = Warning) -> Iterator[list[tuple[str, typ
 @contextmanager
 def without_warnings(kind: type[Warning] = FlexarmWarning) -> Iterator[None]:
     """Ignore warnings of a kind, by default all of this package, of the calls within."""
-    with warnings.catch_warnings():
+    with kept_warnings(kind), warnings.catch_warnings():  # the latter: those of other packages
         warnings.simplefilter("ignore", kind)
         yield
 

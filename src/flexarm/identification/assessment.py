@@ -167,7 +167,7 @@ def _table(
     problem: FitProblem,
     fit: Fit,
     covariance: FloatArray,
-    completed: FloatArray,
+    with_effects: FloatArray,
     places: np.ndarray,
 ) -> xr.Dataset:
     slots = [problem.space.slots[k] for k in places]
@@ -175,7 +175,7 @@ def _table(
     deviation = np.sqrt(np.maximum(np.diag(block), 0.0))
     safe = np.where((deviation > 0.0) & np.isfinite(deviation), deviation, 1.0)
     related = np.where(np.isfinite(block), block / np.outer(safe, safe), 1.0)
-    values = fit.vector[places]
+    values, fitted = fit.vector[places], not np.array_equal(with_effects, fit.vector)
     lower, upper = (bound[places] for bound in problem.space.bounds)
     near = _AT_BOUND * problem.space.scale[places]
     ends = [np.clip(values + sign * HALF * deviation, lower, upper) for sign in (-1.0, 1.0)]
@@ -187,7 +187,7 @@ def _table(
         "start": np.array([slot.start for slot in slots]),
         "lower": lower,
         "upper": upper,
-        "with_effects": np.where(completed == fit.vector, np.nan, completed)[places],
+        "with_effects": with_effects[places] if fitted else np.full(len(places), np.nan),
         "at_bound": (values - lower < near) | (upper - values < near),
     }
     names = [slot.name for slot in slots]

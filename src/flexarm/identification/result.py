@@ -305,7 +305,7 @@ def _failed(fits: xr.Dataset) -> list[str]:
 #: Tests of residuals, and what their failure means.
 _TESTS = {
     "whiteness": "the residuals are correlated over time. Standard deviations contain that, but "
-    "not the shift of estimates by an effect that the model lacks.",
+    "not the shift of estimates by a further effect that the model lacks.",
     "independence": "the residuals depend on the inputs, so the model lacks an effect. If the fit "
     "is too poor, refine the elements, or free more parameters.",
 }

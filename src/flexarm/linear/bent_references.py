@@ -364,7 +364,7 @@ _POINTS = 32
 #: moment: the average of a parabola is its value in the middle.
 _FLAT = (2.0 * np.pi**2 / 3.0 - 1.0) / 3.0
 _WINDOWS = {1: (1.0,), 2: (_FLAT, _FLAT - 1.0)}
-#: Breaks that rounding separates are one: relative to the duration.
+#: Breaks that rounding separates are one: relative to the duration, or to their times if larger.
 _APART = 1e-9
 #: Largest change of the bending by the second order, of that of the first, without a warning.
 _SMALL = 0.2
@@ -402,8 +402,9 @@ class QuasiStaticReference(DerivedMotion):
         own, half = self._moving.breaks, 0.5 * self.smoothing
         inner = {t + d for t in own for d in (-half, 0.0, half)}
         every = [self.start_time]
+        apart = _APART * max(self.duration, abs(self.start_time), abs(self.end_time))
         for t in sorted(t for t in inner if self.start_time < t < self.end_time):
-            if min(t - every[-1], self.end_time - t) > _APART * self.duration:
+            if min(t - every[-1], self.end_time - t) > apart:
                 every.append(t)
         return (*every, self.end_time)
 

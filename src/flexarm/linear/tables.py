@@ -1,4 +1,4 @@
-"""Functions of time as splines between the breaks of a motion, as fine as they need."""
+"""Functions of time as splines between the breaks of a motion, as fine as the function needs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 #: Limits of the number of intervals between two breaks, and number of values computed in one batch.
-_FEWEST, _MOST, _BATCH = 32, 65536, 1024
+_FEWEST, _MOST, _BATCH = 64, 65536, 1024
 #: Error of a table before the last halving, relative to the largest value, or to a value of
 #: ``_LITTLE`` units if that is larger: smaller ones have rounding errors of this size.
 _MISSED, _LITTLE = 1e-8, 1e-5
@@ -26,9 +26,9 @@ def tabulated(
 ) -> list[BSpline]:
     """Return splines of values (T, k) at times, constant before the first and after the last break.
 
-    Between two breaks, intervals are halved until the splines before err by less than ``_MISSED``
-    at the new instants; those after err by a sixtieth of it. ``sizes`` (k,) are the units in which
-    the values compare.
+    Between two breaks, intervals are halved until the spline of the longer ones errs by less than
+    ``_MISSED`` at the new instants; the error of the result is a sixtieth of it. ``sizes`` (k,) are
+    the units in which the values are compared.
 
     Raises:
         SimulationError: if ``_MOST`` are too few.

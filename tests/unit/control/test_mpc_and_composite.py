@@ -238,8 +238,12 @@ def test_smaller_acceptable_bend_gives_more_damping_of_the_links(arm):
     ]
     assert gains[0] > 1.2 * gains[1] > 1.2 * gains[2]
     # Of a third of the least size, both parts are stable alone, but not together.
-    with pytest.raises(fa.InputError, match=r"bandwidth makes the model unstable in the posture"):
-        fa.Composite(arm, POSTURE, acceptable={"strain": 1e-5})
+    usual, tight = fa.Composite(arm, POSTURE).bandwidth, {"strain": 1e-5}
+    with pytest.raises(fa.InputError, match=r"bandwidth must be smaller: the loop with the model"):
+        fa.Composite(arm, POSTURE, acceptable=tight, bandwidth=usual)
+    slower = fa.Composite(arm, POSTURE, acceptable=tight)
+    assert np.all(slower.bandwidth < usual)
+    assert fa.loop_margins(slower, arm, POSTURE)["growth"].max() < 0.0
 
 
 def test_composite_follows_and_damps(arm):

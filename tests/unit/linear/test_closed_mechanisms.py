@@ -207,6 +207,8 @@ def test_a_column_buckles_under_the_force_of_a_closure(share, stable):
         rest = fa.equilibrium(arm, [0.0, 0.0], torque=[0.0, 0.0], loads=[middle])
     np.testing.assert_allclose(rest.closure_forces, [0.0, -0.5 * load], atol=1e-9 * load)
     assert rest.stable == stable
+    with pytest.warns(fa.LargeDeflectionWarning, match="closure 1 loads link 1"):
+        fa.linearize(arm, torque=[0.0, 0.0], loads=[middle])
 
 
 def three_cranks(middle: float, **fields) -> tuple[fa.Arm, np.ndarray]:

@@ -299,3 +299,13 @@ def test_a_free_arm_falls_on_a_floor(stiffness):
     rest = fa.equilibrium(arm, [0.0], torque=[0.0], contacts=[contact])
     assert arm.tip(rest.q)[1] == pytest.approx(-0.3 - 0.4 / stiffness, abs=1e-9)
     assert rest.stable
+
+
+def test_a_free_arm_without_load_stays_in_its_gap():
+    """Rounding errors of the forces, 5e-30 N m, do not start a search."""
+    gap = fa.Joint(rotor_inertia=1e-5, gear_ratio=50.0, stiffness=300.0, backlash=0.02)
+    link = fa.Link(length=0.8, flexural_rigidity=500.0, mass_per_length=0.5)
+    arm = fa.Arm(links=[link], joints=[gap])
+    rest = fa.equilibrium(arm, [0.3], torque=[0.0])
+    np.testing.assert_array_equal(rest.q, arm.rest([0.3]))
+    assert not rest.stable

@@ -45,10 +45,10 @@ def linearize(
     posture = joint_numbers("--angles", loaded, angles, "rad")
     check_places(("--out", out, MODEL_SUFFIXES), ("--plot", plot, FIGURE_SUFFIXES))
     driven, observed = comma_separated(inputs), comma_separated(outputs)
-    with kept_warnings(fa.LargeDeflectionWarning) as warnings:  # printed below in one line
+    with kept_warnings(fa.LargeDeflectionWarning) as warnings:  # printed below
         rest = fa.equilibrium(loaded, posture)
         model = fa.linearize(loaded, rest, inputs=driven, outputs=observed)
-    for warning, _ in warnings[:1]:
+    for warning in dict.fromkeys(text for text, _ in warnings):
         warn(warning)
     torque = listed(rest.torque.tolist())
     rows = [

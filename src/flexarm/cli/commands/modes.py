@@ -83,7 +83,7 @@ def modes(
         tracks = fa.track_modes(model, postures, condition, count=count, sag=sag)
         _show_tracks(tracks, text, csv, plot)
     else:
-        with kept_warnings(fa.LargeDeflectionWarning) as warnings:  # printed below in one line
+        with kept_warnings(fa.LargeDeflectionWarning) as warnings:  # printed below
             if model.closure_rows:  # near the angles
                 q = fa.assembled(model, model.rest(posture or np.zeros(model.n_joints))).q
                 state = fa.equilibrium(model, start=q) if sag else q
@@ -91,7 +91,7 @@ def modes(
             else:
                 about = fa.equilibrium(model, posture) if sag else posture
                 vibration = fa.modes(model, about, condition, spin=spin)
-        for warning, _ in warnings[:1]:
+        for warning in dict.fromkeys(text for text, _ in warnings):
             warn(warning)
         place = f", at {listed(posture)} rad" if posture else ""
         turning = f", turning at {spin:g} rad/s" if spin else ""

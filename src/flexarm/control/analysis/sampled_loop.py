@@ -352,8 +352,14 @@ def _model(
     actuated: tuple[int, ...] | None,
 ) -> tuple[PlantModel, list[Any]]:
     """Return the model of `model_at`, with its warnings."""
-    with kept_warnings() as warnings:
-        return _linearized(arm, np.array(posture), signals, contacts, actuated), warnings
+    warnings: list[Any] = []
+    try:
+        with kept_warnings() as warnings:
+            return _linearized(arm, np.array(posture), signals, contacts, actuated), warnings
+    except Exception:
+        for text, kind in warnings:
+            warn_caller(text, kind)
+        raise
 
 
 def _linearized(

@@ -8,13 +8,13 @@ from flexarm.control.contract.base import Controller as Controller
 from flexarm.control.filters.estimator_controller import EstimatorController as EstimatorController
 from flexarm.control.laws.compensation import DisturbanceObserver as DisturbanceObserver
 from flexarm.control.laws.compensation import RepetitiveControl as RepetitiveControl
+from flexarm.control.laws.composite import Composite as Composite
 from flexarm.control.laws.joint_laws import ComputedTorque as ComputedTorque
 from flexarm.control.laws.joint_laws import JointPD as JointPD
 from flexarm.control.laws.joint_laws import JointPID as JointPID
 from flexarm.control.laws.joint_laws import PrescribedPerformance as PrescribedPerformance
 from flexarm.control.laws.joint_laws import StrainFeedback as StrainFeedback
 from flexarm.control.laws.lqg import LQG as LQG
-from flexarm.control.laws.lqg import Composite as Composite
 from flexarm.control.laws.mpc import MPC as MPC
 from flexarm.control.laws.mpc import NonlinearMPC as NonlinearMPC
 from flexarm.control.laws.robust_laws import LoopShaping as LoopShaping

@@ -386,6 +386,8 @@ class _Search:
         descent steps leave this branch where it becomes unstable. With free joints descent comes
         first, because without loads their position is indeterminate.
         """
+        if self._without_load(q):
+            return self.result(q)
         found, failure = None, None
         for way in (self.descend, self.follow) if free else (self.follow, self.descend):
             try:
@@ -402,6 +404,13 @@ class _Search:
             assert failure is not None
             raise failure
         return self.result(found)
+
+    def _without_load(self, q: FloatArray) -> bool:
+        """Return whether nothing acts on the arm, and its springs at q do not push either."""
+        acting = any(self.arm.spec.gravity) or self.loads or self.contacts or self.force.any()
+        stiffest = max((joint.stiffness for joint in self.arm.spec.joints), default=0.0)
+        missing = self._balance(self.arm, q, self.loads, 1.0).missing
+        return not acting and bool(np.all(np.abs(missing) <= _RESIDUAL * stiffest))
 
     def descend(self, q: FloatArray) -> FloatArray:
         """Take descent steps under the full load, then converge by Newton's method."""
@@ -427,7 +436,7 @@ class _Search:
                     share *= 0.5
                 q = trial
                 if stable and turn < near_enough:
-                    near_enough = 0.1 * turn  # if it fails, beside a place where a stop begins
+                    near_enough = 0.1 * turn  # Newton's method may fail where a stop begins
                     with suppress(np.linalg.LinAlgError):
                         near = self.newton(q, 1.0)
                         if _largest_turn(arm, near - q) < _LONGEST:

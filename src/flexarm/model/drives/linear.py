@@ -152,7 +152,7 @@ class CompositeParameters(LinearParameters):
     _: KW_ONLY
     bandwidth: Annotated[Any, PerJoint(Positive)] | None = None
     """Bandwidth of the joint errors, one for all joints or one for each (rad/s); by default 0.64
-    times the typical rate."""
+    times the typical rate, halved until the loop with the model is stable."""
     damping_ratio: Annotated[Any, PerJoint(Positive)] = 1.0
     """Damping ratio of the joint errors, one for all joints or one for each."""
     recovery: _Robustness = 1.0

@@ -9,7 +9,6 @@ directly, so that a model counts as accurate only by its own tip over the whole 
 from __future__ import annotations
 
 import copy
-import warnings
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
@@ -25,6 +24,7 @@ from flexarm.base.errors import (
     check_array,
     public_call,
     warn_caller,
+    without_warnings,
 )
 from flexarm.base.user_functions import FunctionError, call
 from flexarm.integrate import KennedyCarpenter5
@@ -288,8 +288,7 @@ class _Study:
         try:
             situation = self._situation(mesh, self._settings)
             frequency = _frequency(situation)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
+            with without_warnings(Warning):
                 result = simulated(situation)
         except FunctionError:
             raise

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import math
 import time
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -25,6 +24,7 @@ from flexarm.base.errors import (
     UnstableLoopWarning,
     public_call,
     warn_caller,
+    without_warnings,
 )
 from flexarm.base.user_functions import FunctionError
 from flexarm.model.plausible import warn_of
@@ -58,8 +58,7 @@ _Outcome: TypeAlias = "tuple[xr.Dataset, Notices]"
 
 def _keep_result(failed: FunctionError, again: Callable[[], xr.Dataset]) -> None:
     """Attach the result of a shorter run; if that fails even earlier, raise its own error."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LargeDeflectionWarning)
+    with without_warnings(LargeDeflectionWarning):
         try:
             failed.result = again()
         except InputError:  # the time is shorter than the given step
@@ -262,8 +261,7 @@ def _executed_again(
             settings=replaced(situation.settings, **how),
             controller=copy.deepcopy(situation.controller),  # the user's one keeps its state
         )
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with without_warnings(Warning):
             return _executed(meter, varied)
     except (FlexarmError, TypeError):
         return None
@@ -390,10 +388,12 @@ def with_error(
     method, steps = attributes["integrator"], attributes["steps"]
     if method in _OTHERS and are_alike(steps, attributes.get("controller_calls", 0)):
         # Tolerances do not matter for steps that end at the samples, the method does.
-        other = executed(accuracy, integrator=_OTHERS[method])
-        error = _error_between(outcome, other, 1.0)
-        if other is not None and error <= accuracy:
-            return _with_attributes([other, outcome], accuracy, error), ""
+        runs, error = [outcome], math.nan
+        for part in (1.0, _FINER):
+            other = executed(accuracy / part, integrator=_OTHERS[method])
+            if other is not None and not error <= accuracy:
+                runs, error = [other, *runs], _error_between(outcome, other, 1.0)
+        return _judged(runs, accuracy, error)
     used, looser = accuracy, executed(_LOOSER * accuracy)
     runs = [outcome] if looser is None else [looser, outcome]
     error = _error_between(outcome, looser, _LOOSER)
@@ -412,22 +412,24 @@ def with_error(
             break
         error = _error_between(finer, runs[-1], ratio)
         runs, used = [*runs, finer], used / ratio
-    last = _with_attributes(runs, accuracy, error)
-    if error <= accuracy:
+    return _judged(runs, accuracy, error)
+
+
+def _judged(runs: Sequence[_Outcome], accuracy: float, error: float) -> tuple[_Outcome, str]:
+    """Return the last one of some runs with its error (m) and the work of all, and a warning."""
+    names = "evaluations", "wall_seconds"
+    work = {name: sum(result.attrs[name] for result, _ in runs) for name in names}
+    result, notices = runs[-1]
+    last = result.assign_attrs(accuracy=accuracy, integration_error=error, **work), notices
+    if result.attrs["unstable_loop"]:
+        text = "errors grow with the unstable loop"
+    elif error <= accuracy:
         return last, ""
-    if math.isnan(error):
+    elif math.isnan(error):
         text = "no other run can be compared with this one, so the integration error is unknown"
     else:
         text = f"errors grow in this motion: that of the tip is about {error:.1g} m"
     return last, f"{text}. Do not rely on an accuracy of {accuracy:.2g} m."
-
-
-def _with_attributes(runs: Sequence[_Outcome], accuracy: float, error: float) -> _Outcome:
-    """Return the last one of some runs with its error (m) and the work of all."""
-    names = "evaluations", "wall_seconds"
-    work = {name: sum(result.attrs[name] for result, _ in runs) for name in names}
-    result, notices = runs[-1]
-    return result.assign_attrs(accuracy=accuracy, integration_error=error, **work), notices
 
 
 def _error_between(outcome: _Outcome, other: _Outcome | None, ratio: float) -> float:

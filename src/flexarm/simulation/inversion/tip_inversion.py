@@ -11,7 +11,6 @@ References:
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -31,6 +30,7 @@ from flexarm.base.errors import (
     SimulationError,
     public_call,
     shown,
+    without_warnings,
 )
 from flexarm.linear import modes
 from flexarm.linear.small_deviations.along import stage_times, torque_response
@@ -144,8 +144,7 @@ def inversion_reference(
     spacing = float(np.max(np.diff(torque.knots)))
     count = int(np.ceil(_PER_KNOT * (end - start) / spacing))
     rate = count / (end - start)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LargeDeflectionWarning)  # the user's run warns
+    with without_warnings(LargeDeflectionWarning):  # the user's run warns
         result = simulate(
             arm,
             end - start,
@@ -447,9 +446,8 @@ class _Search:
         rtol: float | None = None,
     ) -> Any:
         rtol = relative_tolerance(self.settings, self.arm) if rtol is None else rtol
-        with warnings.catch_warnings():
-            # The caller warns of the last run; the trial runs need no warning.
-            warnings.simplefilter("ignore", LargeDeflectionWarning)
+        # The caller warns of the last run; the trial runs need no warning.
+        with without_warnings(LargeDeflectionWarning):
             settings = replaced(self.settings, rate=rate, rtol=rtol, progress=False)
             start = self.first.q
             return simulate(arm, self.duration, torque=torque, initial=start, settings=settings)

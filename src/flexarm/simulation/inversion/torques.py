@@ -7,7 +7,6 @@ before the tip moves and after it has stopped; (D.10), (D.11)."""
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,7 +18,13 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.arguments import check_positive
-from flexarm.base.errors import InputError, LargeDeflectionWarning, Problem, public_call
+from flexarm.base.errors import (
+    InputError,
+    LargeDeflectionWarning,
+    Problem,
+    public_call,
+    without_warnings,
+)
 from flexarm.linear import modes
 from flexarm.model.quantities import Positive
 from flexarm.motion import Motion
@@ -113,8 +118,7 @@ def flexible_torque(
     locked = modes(arm, motion.joint_angle(0.0)).frequency_hz
     fastest = 2.0 * np.pi * float(np.max(locked, initial=0.0))
     count = int(np.clip(np.ceil(_SAMPLES * fastest * until), _FEWEST, _MOST))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LargeDeflectionWarning)  # the user's run warns
+    with without_warnings(LargeDeflectionWarning):  # the user's run warns
         prescribed = {int(number): motion for number in numbers}
         initial = arm.rest(motion.joint_angle(0.0)) if initial is None else initial
         settings = replaced(DEFAULTS, rate=count / until, rtol=rtol, progress=False)

@@ -22,6 +22,7 @@ from flexarm.cases.scenario.scenario import Prepared, prepare
 from flexarm.control.analysis.margins import loop_margins
 from flexarm.linear import modes
 from flexarm.model import PlantSpec
+from flexarm.model.drives import ControllerDrive
 from flexarm.model.plausible import implausible
 from flexarm.model.scenarios.scenario import RunSpec, Scenario
 from flexarm.simulation.calls.compare import warnings_of
@@ -208,7 +209,7 @@ def _prepared(project: Project) -> tuple[Prepared, Arm | None]:
 
 
 def _reused(scenario: Scenario) -> dict[str, Any]:
-    """Return the parts of recent scenarios that this one has, too: a slider changes few values."""
+    """Return parts of recent scenarios that this one shares with them: a slider changes little."""
     parts: dict[str, Any] = {}
     for before, prepared in _RECENT:
         if before.arm == scenario.arm:
@@ -227,7 +228,8 @@ def _task(scenario: Scenario) -> tuple[Any, ...]:
 
 def _followed(scenario: Scenario) -> Any:
     """Return what the reference or torque along a motion depends on beside it."""
-    return getattr(scenario.drive, "reference_kind", scenario.drive)
+    drive = scenario.drive
+    return ("feedback", drive.reference_kind) if isinstance(drive, ControllerDrive) else drive
 
 
 def _margins(prepared: Prepared, plant: Arm | None) -> Margins:
