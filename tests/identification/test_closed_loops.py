@@ -103,7 +103,7 @@ def test_loops_that_are_not_differentiable_are_fitted_by_differences(monkeypatch
 
 @pytest.mark.thorough
 def test_few_numbers_are_differentiated_by_differences(monkeypatch):
-    monkeypatch.setattr(fitting, "sensitivities", None)
+    monkeypatch.setattr(runs, "sensitivities", None)
     found = fa.identify(BELIEVED, record(PD, None), PATHS[:1], progress=False)
     assert np.isfinite(found[PATHS[0]])
     with pytest.raises(TypeError):

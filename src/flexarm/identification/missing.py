@@ -391,7 +391,8 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
         for path, change in effects.items():
             columns_of_effect = changes.setdefault(path, list(zeros))
             columns_of_effect[k] = problem.whitened(k, np.where(tested, change, 0.0))
-            units[path] = _unit(path, MEASURED[run.record.input].unit if run.record.driven else "")
+            driven = run.record.driven and run.record.input in MEASURED
+            units[path] = _unit(path, MEASURED[run.record.input].unit if driven else "")
     return [
         _Candidate(path, units[path], [column for columns in every for column in columns.T])
         for path, every in changes.items()
