@@ -331,8 +331,8 @@ def model_at(
     Joints that are not ``actuated`` have no torque.
     """
     angles = check_posture("posture", posture, arm.n_joints, turning_joints(arm))
-    motors = None if actuated is None else tuple(actuated)
-    model, warnings = _models(arm)(tuple(angles), tuple(signals), tuple(contacts), motors)
+    joints = None if actuated is None else tuple(actuated)
+    model, warnings = _models(arm)(tuple(angles), tuple(signals), tuple(contacts), joints)
     for text, kind in warnings:
         warn_caller(text, kind)
     return model
@@ -355,30 +355,21 @@ def _model(
     warnings: list[Any] = []
     try:
         with kept_warnings() as warnings:
-            return _linearized(arm, np.array(posture), signals, contacts, actuated), warnings
+            angles = np.array(posture)
+            coordinates = MinimalCoordinates(arm, actuated, angles, contacts)
+            rest = coordinates.at_rest(coordinates.closed(angles), contacts)
+            model = coordinates.linearized(rest, ("torque",), signals)
     except Exception:
         for text, kind in warnings:
             warn_caller(text, kind)
         raise
-
-
-def _linearized(
-    arm: Arm,
-    angles: FloatArray,
-    signals: Sequence[OutputName],
-    contacts: Sequence[Contact],
-    actuated: Sequence[int] | None,
-) -> PlantModel:
-    coordinates = MinimalCoordinates(arm, actuated, angles, contacts)
-    rest = coordinates.at_rest(coordinates.closed(angles), contacts)
-    model = coordinates.linearized(rest, ("torque",), signals)
     found: dict[OutputName, Signal] = {}
     for signal in signals:
         names = signal.labels() if isinstance(signal, Sensor) else [signal]
         rows = component_places(model.outputs, names)
         ends = tuple("".join(model.outputs[k].rpartition("[")[1:]) for k in rows)
         found[signal] = Signal(model.output[rows], model.C[rows], model.D[rows], ends)
-    return PlantModel(model.A, model.B * coordinates.driven, found)
+    return PlantModel(model.A, model.B * coordinates.driven, found), warnings
 
 
 def loop_of(

@@ -9,12 +9,8 @@ import numpy as np
 
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.errors import InputError, Problem
-from flexarm.control.contract.base import (
-    FloatArray,
-)
-from flexarm.control.design.arm_scales import (
-    TIP,
-)
+from flexarm.control.contract.base import FloatArray
+from flexarm.control.design.arm_scales import TIP
 from flexarm.control.design.linear_design import (
     Design,
     bend_weight,
@@ -43,6 +39,11 @@ _ROUNDING = 1e-6
 #: Outputs that the fast part may weight: those that depend on the bending of the links only.
 _TIPS = "link_tip_deflection", "link_tip_slope"
 BENDING = ("strain", *_TIPS, *(f"{name}_rate" for name in _TIPS))
+
+
+def _grows(item: Design) -> bool:
+    """Return whether the loop of a design with its model is unstable."""
+    return bool(np.abs(np.linalg.eigvals(regulated(item)[1])).max() > 1.0 + _ROUNDING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,14 +113,17 @@ class Composite(CompositeParameters, LQG):
     def _design_all(self) -> tuple[Design, ...]:
         designs, usual = super()._design_all(), self._usual_bandwidth
         while True:
-            try:
-                pairs = [self._both(item) for item in designs]
+            pairs = [self._both(item) for item in designs]
+            unstable = [item.posture for _, item in pairs if _grows(item)]
+            if not unstable:
                 break
-            except InputError:  # the default bandwidth is too large for some arms
-                bandwidth = np.asarray(self.bandwidth, dtype=np.float64)
-                if usual is None or bandwidth.max() < _SLOWEST * usual.max():
-                    raise
-                self.bandwidth = 0.5 * bandwidth
+            bandwidth = np.asarray(self.bandwidth, dtype=np.float64)
+            if usual is None or bandwidth.max() < _SLOWEST * usual.max():
+                posture = ", ".join(f"{angle:.3g}" for angle in unstable[0])
+                rule = f"be smaller: the loop with the model is unstable in the posture ({posture})"
+                hint = "Accept more bending, or use LQG if gravity bends the arm too far."
+                raise InputError(Problem("bandwidth", rule, f"{bandwidth.max():.3g} rad/s", hint))
+            self.bandwidth = 0.5 * bandwidth  # the usual one is too large for some arms
         self.fast_designs = tuple(fast for fast, _ in pairs)
         return tuple(item for _, item in pairs)
 
@@ -179,14 +183,7 @@ class Composite(CompositeParameters, LQG):
         swing = np.zeros((2 * k, width))
         swing[np.arange(2 * k), moved] = 1.0
         swing[:k] -= bend @ request + sag @ slow
-        both = replace(item, gain=gain @ swing - rigid @ request - weight @ slow)
-        if np.max(np.abs(np.linalg.eigvals(regulated(both)[1]))) > 1.0 + _ROUNDING:
-            posture = ", ".join(f"{angle:.3g}" for angle in item.posture)
-            rule = f"be smaller: the loop with the model is unstable in the posture ({posture})"
-            size = f"{float(np.max(bandwidth)):.3g} rad/s"
-            hint = "Accept more bending, or use LQG if gravity bends the arm too far."
-            raise InputError(Problem("bandwidth", rule, size, hint))
-        return fast, both
+        return fast, replace(item, gain=gain @ swing - rigid @ request - weight @ slow)
 
     def _known_force_gain(self, item: Design) -> FloatArray:
         """Return the gain of elastic forces, whose bending belongs to the slow manifold: (C.37)."""

@@ -29,11 +29,7 @@ from flexarm.control.contract.base import (
     applied,
 )
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.arm_scales import (
-    check_sample_time,
-    design_requirements,
-    typical_rate,
-)
+from flexarm.control.design.arm_scales import check_sample_time, design_requirements, typical_rate
 from flexarm.control.design.linear_design import (
     CHORD,
     Design,

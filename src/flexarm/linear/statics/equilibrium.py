@@ -356,8 +356,8 @@ class _Search:
             place = q[motions.independent] / unit
             size = np.max(np.abs(step)) / (1e-3 + np.max(np.abs(place)))
             scale = max(first, float(np.max(np.abs(K @ place))))
-            shortest = 1e-3 * (shortened := min(1.0, _FARTHEST / max(np.max(np.abs(step)), 1e-300)))
-            while shortened > shortest:
+            longest = shortened = min(1.0, _FARTHEST / max(np.max(np.abs(step)), 1e-300))
+            while shortened > 1e-3 * longest:
                 trial = motions.closed(arm, q + motions.displacements(shortened * unit * step))
                 balance = self._balance(arm, trial, loads, fraction)
                 left = np.max(np.abs(balance.missing))
@@ -407,10 +407,11 @@ class _Search:
 
     def _without_load(self, q: FloatArray) -> bool:
         """Return whether nothing acts on the arm, and its springs at q do not push either."""
-        acting = any(self.arm.spec.gravity) or self.loads or self.contacts or self.force.any()
+        if any(self.arm.spec.gravity) or self.loads or self.contacts or self.force.any():
+            return False
         stiffest = max((joint.stiffness for joint in self.arm.spec.joints), default=0.0)
         missing = self._balance(self.arm, q, self.loads, 1.0).missing
-        return not acting and bool(np.all(np.abs(missing) <= _RESIDUAL * stiffest))
+        return bool(np.all(np.abs(missing) <= _RESIDUAL * stiffest))
 
     def descend(self, q: FloatArray) -> FloatArray:
         """Take descent steps under the full load, then converge by Newton's method."""

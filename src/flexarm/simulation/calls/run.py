@@ -391,9 +391,13 @@ def with_error(
         runs, error = [outcome], math.nan
         for part in (1.0, _FINER):
             other = executed(accuracy / part, integrator=_OTHERS[method])
-            if other is not None and not error <= accuracy:
-                runs, error = [other, *runs], _error_between(outcome, other, 1.0)
-        return _judged(runs, accuracy, error)
+            if other is None:
+                break
+            runs, error = [other, *runs], _error_between(outcome, other, 1.0)
+            if error <= accuracy:
+                break
+        if len(runs) > 1:
+            return _judged(runs, accuracy, error)
     used, looser = accuracy, executed(_LOOSER * accuracy)
     runs = [outcome] if looser is None else [looser, outcome]
     error = _error_between(outcome, looser, _LOOSER)
