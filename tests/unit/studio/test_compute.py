@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.view.studio import compute
 from flexarm.view.studio.compute import Failure, Margins, Picture, Report, Request, parts_of
 from flexarm.view.studio.presets import cards, paper_project
 from flexarm.view.studio.state import open_bytes
@@ -81,6 +82,34 @@ def test_plant_of_a_study_is_simulated():
         expected, _ = study.one("torque alone", plant, "slow")
         np.testing.assert_allclose(ends[-1], expected.tip[-1], atol=2e-4)
     assert np.abs(np.subtract(*ends)).max() > 0.02
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("drive", "derivative", 0), 0.4),
+        (("drive", "kind"), "computed_torque"),
+        (("drive", "kind"), "rigid_inverse_dynamics"),
+        (("motion", "duration"), 1.5),
+        (("run", "duration"), 2.5),
+        (("arm", "payload", "mass"), 0.3),
+    ],
+)
+def test_a_scenario_is_prepared_as_without_those_before(path, value):
+    """Arm, motion and reference are those of an earlier scenario only where they are equal."""
+    first = paper_project().edited(("drive", "kind"), "joint_pd")
+    compute._prepared(first)
+    later = compute._prepared(first.edited(path, value))[0]
+    compute._prepared.cache_clear()
+    compute._RECENT.clear()
+    alone = compute._prepared(first.edited(path, value))[0]
+    assert later.text == alone.text
+    assert later.arm.spec == alone.arm.spec
+    assert later.followed.kind == alone.followed.kind
+    np.testing.assert_array_equal(later.options["initial"], alone.options["initial"])
+    times = np.linspace(0.0, 2.0, 9)
+    angles = [each.followed.motion.joint_angle(times) for each in (later, alone)]
+    np.testing.assert_array_equal(*angles)
 
 
 PREVIEWED = ("Arm of the paper", "Whip", "Chain of ten links")
