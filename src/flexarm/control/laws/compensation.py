@@ -25,7 +25,7 @@ from flexarm.control.contract.base import (
     joints_of,
 )
 from flexarm.control.contract.parametrised import OfArm, Parametrised
-from flexarm.control.design.arm_scales import default_cutoff
+from flexarm.control.design.arm_scales import check_sample_time, default_cutoff
 from flexarm.control.design.rigid_model import RigidParameters
 from flexarm.model import Hardware
 from flexarm.model.arm.spec import FREE_BASE
@@ -49,6 +49,7 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
     inner: Controller
 
     def __post_init__(self) -> None:
+        check_sample_time(self.arm, self.sample_time)
         if self.cutoff is None:
             hertz = default_cutoff(self.arm, self.sample_time)
             self.cutoff = np.full(self.arm.n_joints, hertz)

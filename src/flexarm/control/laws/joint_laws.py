@@ -29,6 +29,7 @@ from flexarm.control.contract.base import (
     joints_of,
 )
 from flexarm.control.contract.parametrised import OfArm, Parametrised
+from flexarm.control.design.arm_scales import check_sample_time
 from flexarm.control.design.rigid_model import RigidModel, SaggingArm
 from flexarm.control.hardware.measurement import filter_of
 from flexarm.model.drives.controllers import (
@@ -132,14 +133,14 @@ class JointPID(JointFollower, JointPIDParameters):
     torque_limit: Any = Field(
         default=math.inf,
         description="Largest requested torque (N m), one number or one per joint. At the limit the "
-        "integral is not advanced in the direction of more torque (anti-windup).",
+        "integral is not advanced in the direction of more torque (anti-windup). Without one, "
+        "that of the motors in a run with ``hardware``.",
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         arm = self.arm
         self.torque_limit = check_limits("torque_limit", self.torque_limit)
-        self._limited = bool(np.any(np.isfinite(self.torque_limit)))
         self.sag = check_flag("sag", self.sag)
         self._weight: RigidModel | SaggingArm | None = None
         if arm is not None:
@@ -180,7 +181,7 @@ class JointPID(JointFollower, JointPIDParameters):
             torque = torque + self._weight.gravity_torque(readings.joint_angle)
         torque = self._with_feedforward(torque, inputs)
         rise = self.integral * (self.sample_time * error)
-        if self._limited:
+        if np.isfinite(self.torque_limit).any():
             wanted, limit = torque, self.torque_limit
             torque = np.minimum(np.maximum(wanted, -limit), limit)
             rise = ((wanted == torque) | (error * wanted < 0.0)) * rise
@@ -214,6 +215,7 @@ class ComputedTorque(JointFollower, ComputedTorqueParameters, OfArm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_sample_time(self.arm, self.sample_time)
         self._model = RigidModel(self.arm, self.actuated)
         omega = 2.0 * np.pi * self.frequency_hz
         self._proportional, self._derivative = omega**2, 2.0 * self.damping_ratio * omega

@@ -20,7 +20,12 @@ from flexarm.control.contract.base import (
     Step,
 )
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.arm_scales import arm_scales, set_defaults, slow_rate
+from flexarm.control.design.arm_scales import (
+    arm_scales,
+    check_sample_time,
+    set_defaults,
+    slow_rate,
+)
 from flexarm.control.design.rigid_model import (
     NUMBERS,
     SurfaceMotion,
@@ -79,6 +84,7 @@ class TaskController(OfArm, Controller):
     """Defaults of parameters, relative to their typical sizes on the arm."""
 
     def __post_init__(self) -> None:
+        check_sample_time(self.arm, self.sample_time)
         rate = slow_rate(self.arm, self.sample_time, self.delay)
         self._scales = arm_scales(self.arm, rate)
         set_defaults(self, self._shares, self._scales)

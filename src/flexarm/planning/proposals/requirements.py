@@ -28,6 +28,7 @@ from flexarm.model import Hardware, Instrument, Load, Motors
 from flexarm.model.arm.spec import serial_only
 from flexarm.model.hardware import instrument_faults
 from flexarm.motion import inverse_kinematics, line_motion
+from flexarm.simulation.loop.devices import torque_limits
 
 TASKS = ("hold", "point_to_point", "track", "force")
 SENSORS = ("joints", "gauges", "tip", "force")
@@ -105,7 +106,8 @@ class Requirements:
     @cached_property
     def torque_limit(self) -> FloatArray | None:
         """Limits of the motors at rest (joints,) N m; None without."""
-        return torque_limit_of(self.arm, self.hardware)
+        limit = torque_limits(self.hardware, self.arm.n_joints)
+        return limit if np.isfinite(limit).all() else None
 
     @property
     def delay(self) -> float:
@@ -256,8 +258,6 @@ _BITS, _CUTOFF = 17, 0.1
 _TIP_NOISE, _FORCE_NOISE = 5e-5, 4e-3
 #: Readings by which each of the sensors of `flexarm.design` is recognised.
 READINGS = {"gauges": "strain", "tip": "tip", "force": "contact_force"}
-#: Torque (N m) beyond every limit.
-_UNLIMITED = 1e300
 
 
 def typical_hardware(
@@ -297,20 +297,11 @@ def readings_of(hardware: Hardware) -> set[str]:
     return {name for item in hardware.instruments or () for name in item.labels}
 
 
-def torque_limit_of(arm: Arm, hardware: Hardware) -> FloatArray | None:
-    """Return the limits (joints,) N m of motors at rest; None if a joint has none."""
-    if hardware.motors is None:
-        return None
-    request = np.full(arm.n_joints, _UNLIMITED)
-    limit = np.asarray(hardware.motors.allowed(request, np.zeros(arm.n_joints)), dtype=np.float64)
-    return limit if (limit < _UNLIMITED).all() else None
-
-
 def with_torque_limit(arm: Arm, hardware: Hardware, limit: FloatArray | None) -> Hardware:
     """Return hardware with the argument ``torque_limit`` (N m) as a limit of its motors."""
     if limit is None:
         return hardware
-    if torque_limit_of(arm, hardware) is not None:
+    if np.isfinite(torque_limits(hardware, arm.n_joints)).all():
         rule = "cannot be combined with hardware whose motors have limits"
         raise InputError(Problem("torque_limit", rule))
     each = [float(f"{value:.3g}") for value in np.broadcast_to(limit, (arm.n_joints,)).tolist()]

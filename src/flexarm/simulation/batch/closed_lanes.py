@@ -46,7 +46,13 @@ from flexarm.simulation.calls.limits import (
 from flexarm.simulation.calls.preparation import UNBOUNDED, start_of
 from flexarm.simulation.histories.loads import LoadHistory, load_history
 from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
-from flexarm.simulation.loop.devices import Acting, Sensing, measured_names
+from flexarm.simulation.loop.devices import (
+    Acting,
+    Sensing,
+    hand_limits,
+    measured_names,
+    torque_limits,
+)
 from flexarm.simulation.loop.stability import AnalysedLoop, Poles, Stability, stability
 from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
 from flexarm.simulation.run.settings import DEFAULTS, tolerances_of
@@ -319,9 +325,9 @@ class ClosedLanes(Lanes):
             if loop.acting.limited:
                 since, saturated = loop.acting.saturated()
                 run, angle = group.ready[place], samples[row][:, 0, joints, 0]
-                law, motion, limits = run.drive.controller, run.drive.reference, saturated[:, place]
+                motion, limits = run.drive.reference, (since, saturated[:, place])
                 with self._batch.users:  # the reference may be an object of the user
-                    text = motor_warning(run.arm, law, motion, times, angle, (since, limits), own)
+                    text = motor_warning(run.arm, motion, times, angle, limits, own)
                 texts[row].append(text)
         return numbers | grown, texts
 
@@ -397,6 +403,7 @@ class LaneLoop(ControlLoop):
         loop = self._loops[rows[0]]
         try:
             mine = deepcopy(loop.controller)
+            hand_limits(mine, torque_limits(loop.hardware, self._joints))
             mine.reset()
         except Exception:
             self.alive[list(rows)] = False

@@ -12,7 +12,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import theory_error
 from flexarm.arm.observe import contact_values
 from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, LimitWarning
-from flexarm.control.contract.base import Controller, Reference, around
+from flexarm.control.contract.base import Reference
 from flexarm.control.hardware.measurement import Readings
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.contact import GAP, SURFACE
@@ -50,13 +50,13 @@ def motor_numbers(since: FloatArray, saturated: BoolArray, end: float) -> dict[s
     lasting = ends - since.reshape(shape)
     free_until = np.maximum.accumulate(np.where(saturated, 0.0, ends), axis=0)
     longest = ((ends - free_until) * saturated).max(axis=0)
-    share = (lasting * saturated).sum(axis=0) / max(end, np.finfo(float).tiny)
+    # A cumulative sum rounds alike for one run and for many.
+    share = np.cumsum(lasting * saturated, axis=0)[-1] / max(end, np.finfo(float).tiny)
     return {"saturation": share, "longest_saturation": longest}
 
 
 def motor_warning(
     arm: Arm,
-    controller: Controller,
     reference: Reference | None,
     times: FloatArray,
     angle: FloatArray,
@@ -88,15 +88,10 @@ def motor_warning(
         return ""
     number, share = arm.joint_numbers[worst], float(numbers["saturation"][worst])
     longest = float(numbers["longest_saturation"][worst])
-    cure = "use a slower motion or a stronger motor; see docs/how-to/sense-and-act.md."
-    # A controller, or one inside, that accepts the limit of the motors but has none winds up.
-    torque_limits = (getattr(law, "torque_limit", 0.0) for law in around(controller))
-    if any(x is None or not np.isfinite(np.asarray(x, dtype=float)).all() for x in torque_limits):
-        more = "give the limit to the controller (torque_limit=), so that it does not wind up, or"
-        cure = f"{more} {cure}"
     return (
         f"motor {number} is at its limit for {share:.0%} of the run, up to {longest:.3g} s at a "
-        f"time, and the error of its joint reaches {error[:, worst].max():.3g} rad: {cure}"
+        f"time, and the error of its joint reaches {error[:, worst].max():.3g} rad: use a slower "
+        "motion or a stronger motor; see docs/how-to/sense-and-act.md."
     )
 
 
@@ -225,8 +220,8 @@ def limits_of_run(
         numbers |= motor_numbers(since, saturated, run.progress.time)
         times = run.sample_times[: run.progress.sample]
         angle = run.samples[: len(times), 0, run.arm.assembly.joint_body, 0]
-        law, limits = (loop.controller, loop.reference), (since, saturated)
-        texts.append(motor_warning(run.arm, *law, times, angle, limits, numbers))
+        limits = since, saturated
+        texts.append(motor_warning(run.arm, loop.reference, times, angle, limits, numbers))
     return numbers, list(filter(None, texts))
 
 

@@ -37,7 +37,13 @@ from flexarm.model.hardware import channel_faults
 from flexarm.model.wording import nearest
 from flexarm.motion import Motion
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
-from flexarm.simulation.loop.devices import Acting, Sensing, measured_names, sensing_of_run
+from flexarm.simulation.loop.devices import (
+    Acting,
+    Sensing,
+    knowing_limits,
+    measured_names,
+    sensing_of_run,
+)
 from flexarm.simulation.loop.programmed_samples import ProgrammedSamples, programmed_samples
 from flexarm.simulation.run.integrator_choice import friction_doubt
 from flexarm.simulation.run.stepping import Run
@@ -351,7 +357,8 @@ class ClosedLoop(RunLoop):
         self.seconds = 0.0  # spent in the controller
 
     def execute(self) -> None:
-        with single_threaded_algebra():
+        known = knowing_limits(self.controller, self.hardware, self.run.arm.n_joints)
+        with single_threaded_algebra(), known:
             self.controller.reset()
             super().execute()
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView, as_slice
 from flexarm.arm.observe import channels_of, contact_forces, contact_values
 from flexarm.base.errors import InputError, Problem, raise_any
-from flexarm.control.contract.base import joint_problems
+from flexarm.control.contract.base import around, joint_problems
 from flexarm.control.hardware.measurement import Readings
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
@@ -32,6 +33,41 @@ if TYPE_CHECKING:
 #: A first-order lag is approximated by cubics over this fraction of its time constant, up to this
 #: many time constants, within 1e-5 and 5e-5 of the change of torque.
 _PIECE, _SETTLED = 0.25, 10.0
+
+
+def torque_limits(hardware: Hardware | None, joints: int) -> FloatArray:
+    """Return the limits (joints,) N m of motors at rest; infinite without one."""
+    motors = (hardware and hardware.motors) or Motors()
+    limits: FloatArray = motors.allowed(np.full(joints, np.inf), np.zeros(joints))
+    return limits
+
+
+def hand_limits(controller: object, limits: FloatArray) -> list[tuple[Any, Any]]:
+    """Hand limits (joints,) N m to laws that accept them and have none; return these with theirs.
+
+    Their integrals and estimates then include the limits, and do not wind up.
+    """
+    laws = [law for law in around(controller) if _lacks_limit(law)]
+    before = [(law, law.torque_limit) for law in laws if np.isfinite(limits).any()]
+    for law, _ in before:
+        law.torque_limit = limits
+    return before
+
+
+def _lacks_limit(law: object) -> bool:
+    limit = getattr(law, "torque_limit", 0.0)
+    return limit is None or bool(np.all(np.isinf(limit)))
+
+
+@contextmanager
+def knowing_limits(controller: object, hardware: Hardware | None, joints: int) -> Iterator[None]:
+    """Hand the limits of motors to a controller, see ``hand_limits``, for a run."""
+    before = hand_limits(controller, torque_limits(hardware, joints))
+    try:
+        yield
+    finally:
+        for law, limit in before:
+            law.torque_limit = limit
 
 
 class Acting:
@@ -57,6 +93,7 @@ class Acting:
             hint = "Their torque is that at standstill: give its limit as torque_limit."
             problems.append(Problem("hardware.motors.voltage_limit", rule, hint=hint))
         raise_any(problems)
+        self._limits = torque_limits(hardware, joints)
         self._lag, self._delay = self._motors.time_constant, self._motors.delay
         self._waiting: deque[tuple[float, FloatArray]] = deque()
         self._since: list[float] = []
@@ -148,7 +185,9 @@ class Acting:
     def saturated(self) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return the times (k,) s of all changes, and which motors (k, joints) are at a limit."""
         requested, target = np.asarray(self._requested), np.asarray(self._target)
-        return np.asarray(self._since), requested != target
+        # A law that knows the limits at rest requests them, and no more.
+        limited = np.abs(target) >= self._limits
+        return np.asarray(self._since), (requested != target) | limited
 
     def _now(self, t: float) -> FloatArray:
         """Return the torque (joints,) at a time t since the last change."""
