@@ -3,12 +3,14 @@
 import copy
 import inspect
 import pickle
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import flexarm as fa
+from flexarm.model.scenarios.scenario import recording_rate
 from flexarm.simulation.run.settings import DEFAULTS
 
 CLOSE = fa.RunSettings(rtol=1e-9, rate=200.0)
@@ -19,6 +21,42 @@ def one_link():
     """Return an arm with one link."""
     link = fa.Link(length=1.0, flexural_rigidity=40.0, mass_per_length=0.5, elements=1)
     return fa.Arm(links=[link], joints=[fa.Joint(hub_inertia=0.05)])
+
+
+@pytest.mark.parametrize("length", [5e-4, 1.0, 50.0])
+def test_a_run_without_a_rate_has_enough_samples_at_any_size(length):
+    """Three periods of arms whose period is in proportion to their length."""
+    link = fa.Link(
+        length=length,
+        flexural_rigidity=40.0 * length**4,
+        mass_per_length=0.5 * length**2,
+        elements=1,
+    )
+    arm = fa.Arm(links=[link])
+    span = 3.0 / float(fa.modes(arm).frequency_hz.max())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = fa.simulate(arm, span, torque=lambda t: [0.0])
+        batch = fa.simulate_batch(arm, span, initial=np.zeros((2, arm.dof)))
+    assert 100 <= run.sizes["time"] <= 10**6 + 1
+    np.testing.assert_array_equal(run.time, batch.time)
+    assert batch.attrs["rate"] == 1.0 / run.time.values[1]
+
+
+@pytest.mark.parametrize(
+    ("duration", "rate"),
+    [(2e-4, 5e5), (0.03, 5000.0), (0.1, 1000.0), (1000.0, 1000.0), (1001.0, 500.0), (4e6, 0.2)],
+)
+def test_default_rates_are_round(duration, rate):
+    assert recording_rate(None, duration) == pytest.approx(rate, rel=1e-15)
+    assert recording_rate(7.0, duration) == 7.0
+
+
+def test_samples_of_a_torque_have_1000_hertz_in_a_short_run():
+    arm = one_link()
+    rows = np.full((51, 1), 0.1)
+    assert fa.simulate(arm, 0.05, torque=rows).sizes["time"] == 51
+    assert fa.simulate_batch(arm, 0.05, torque=[rows, rows]).sizes["time"] == 51
 
 
 def test_settings_do_what_the_arguments_do():

@@ -86,6 +86,15 @@ def test_sample_times_that_are_too_long_are_refused(arm):
         fa.IntegralResonantControl(arm, inner, posture=POSTURE)
     with pytest.raises(fa.InputError, match=rule):
         fa.SlidingMode(arm, bandwidth=2.0, boundary_layer=0.1, sample_time=0.2)
+    with pytest.raises(fa.InputError, match=rule):
+        fa.DisturbanceObserver(arm, inner)
+    for kind, more in (
+        (fa.ComputedTorque, {"frequency_hz": 0.5}),
+        (fa.HybridForce, {}),
+        (fa.Impedance, {}),
+    ):
+        with pytest.raises(fa.InputError, match=rule):
+            kind(arm, sample_time=0.2, **more)
     fast, sampled = {"bandwidth": 60.0, "sample_time": 0.02}, r"at most 50 rad/s, got 60 rad/s"
     with pytest.raises(fa.InputError, match=sampled):
         fa.LoopShaping(arm, POSTURE, **fast)

@@ -216,7 +216,7 @@ class Prepared:
         options = self.options
         angles = self.arm.joint_angles(options["initial"])[turning_joints(self.arm)]
         others = (options.get(name) for name in ("controller", "reference", "hardware"))
-        return implausible_run(self.arm, options["duration"], options["rate"], angles, *others)
+        return implausible_run(self.arm, options["duration"], options.get("rate"), angles, *others)
 
     def unstable_loop(self, poles: Sequence[LoopPole]) -> str:
         """Describe an unstable one of the `loop_poles`; empty text if none is."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from flexarm.arm.arm import Arm
 from flexarm.model import AccelerationTable, Scenario
 from flexarm.model.scenarios import motions
+from flexarm.model.scenarios.scenario import recording_rate
 
 _MOST_LINKS_SHOWN = 12
 _SURFACES = {"wall": "wall", "round": "circle", "table": "tabulated surface"}
@@ -62,7 +63,8 @@ def about_run(scenario: Scenario) -> list[tuple[str, str]]:
     if scenario.initial.equilibrium:
         balanced = ", the drive balanced" if scenario.initial.balance else ""
         rows.append(("start", f"in equilibrium{balanced}"))
-    rows.append(("run", f"{run.duration:g} s, {run.rate:g} samples/s, integrator {run.integrator}"))
+    rate = recording_rate(run.rate, run.duration)
+    rows.append(("run", f"{run.duration:g} s, {rate:g} samples/s, integrator {run.integrator}"))
     return rows
 
 

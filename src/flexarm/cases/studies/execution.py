@@ -25,7 +25,7 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, StudySpec
 from flexarm.model.file_format.files import record_of_bytes
 from flexarm.model.paths import with_numbers
-from flexarm.model.scenarios.scenario import DURATION
+from flexarm.model.scenarios.scenario import DURATION, recording_rate
 from flexarm.model.scenarios.study import plant_spec
 from flexarm.simulation.batch.run import simulate_batch
 from flexarm.simulation.calls.compare import Evaluation, evaluated
@@ -378,7 +378,8 @@ def evaluated_together(
     found: dict[int, Evaluation] = {}
     for key, group in groups:
         shared = {name: value for name, value in key.items() if name != "model"}
-        samples = shared["duration"] * shared["rate"] + 1.0
+        span = shared["duration"]
+        samples = span * recording_rate(shared.get("rate"), span) + 1.0
         width = 2 + 2 * group[0][0].prepared.arm.n_joints
         size = max(1, int(_MEMORY / (8.0 * samples * width)))
         for first in range(0, len(group), size):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -188,6 +189,8 @@ def _coverage_faults(i: int, times: tuple[float, ...], duration: float) -> Itera
 
 
 MOST_SAMPLES = 10**7
+#: Default rate (Hz), and the samples that a run has by default if it is very short or very long.
+RATE, _FEWEST_SAMPLES, _DEFAULT_SAMPLES = 1000.0, 100, 10**6
 Stations = Annotated[int, Field(strict=True, ge=0, le=1000), BeforeValidator(plain)]
 
 
@@ -198,6 +201,21 @@ def sample_fault(duration: float, rate: float) -> Fault | None:
         return None
     rule = f"be at most {MOST_SAMPLES / duration:.6g} for a duration of {duration:.6g}"
     return Fault(("rate",), rule, shown(rate), f"A result has at most {MOST_SAMPLES:.0e} samples.")
+
+
+def recording_rate(rate: float | None, duration: float) -> float:
+    """Return a rate (Hz) of samples, by default 1000 Hz or one that suits a duration (s)."""
+    if rate is not None:
+        return rate
+    least, most = _FEWEST_SAMPLES / duration, _DEFAULT_SAMPLES / duration
+    if least <= RATE <= most:
+        return RATE
+    # Of 1, 2 and 5 times powers of ten, the least above the limit, or the largest below it.
+    decade = 10.0 ** math.floor(math.log10(least if least > RATE else most))
+    rates = [factor * decade for factor in (1.0, 2.0, 5.0, 10.0)]
+    if least > RATE:
+        return min(each for each in rates if each >= least)
+    return max(each for each in rates if each <= most)
 
 
 class InitialState(Record):
@@ -244,8 +262,9 @@ class RunSpec(Record):
 
     duration: Positive
     """Simulated time (s)."""
-    rate: Positive = 1000.0
-    """Samples recorded per second (Hz)."""
+    rate: Positive | None = None
+    """Samples recorded per second (Hz); by default 1000, and a round number of more or fewer for a
+    run that would have less than 100 samples or more than a million."""
     stations: Stations = 0
     """Number of sections of each link at which section forces are recorded."""
     integrator: Word = "auto"
@@ -261,9 +280,10 @@ class RunSpec(Record):
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
-        fault = sample_fault(given.duration, given.rate) if given.has("duration", "rate") else None
-        if fault is not None:
-            yield fault
+        if given.has("duration", "rate") and given.rate is not None:
+            fault = sample_fault(given.duration, given.rate)
+            if fault is not None:
+                yield fault
         if given.has("stations") and given.stations == 1:
             yield Fault(("stations",), "be 0, or at least 2 (root and tip)", "1")
         if given.has("duration", "step") and given.step > given.duration:

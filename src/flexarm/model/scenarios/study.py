@@ -238,8 +238,8 @@ class StudyRun(Record):
 
     duration: Positive
     """Simulated time of each run (s)."""
-    rate: Positive = 1000.0
-    """Samples per second used for the metrics (Hz)."""
+    rate: Positive | None = None
+    """Samples per second used for the metrics (Hz); by default as for a run."""
     settling: NonNegative = 0.0
     """Time after the end of a motion that is excluded from settled error and residual vibration
     (s); less than the duration."""

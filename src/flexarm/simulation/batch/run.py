@@ -25,7 +25,7 @@ from flexarm.kernels.compilation.packs import LANES
 from flexarm.model import Hardware
 from flexarm.model.plausible import warn_of
 from flexarm.model.quantities import Count
-from flexarm.model.scenarios.scenario import FAILURE
+from flexarm.model.scenarios.scenario import FAILURE, RATE
 from flexarm.simulation.batch.closed_lanes import lanes_of
 from flexarm.simulation.batch.execution import (
     ACTING,
@@ -45,7 +45,12 @@ from flexarm.simulation.batch.reductions import (
     reduced,
 )
 from flexarm.simulation.calls.limits import limit_variables
-from flexarm.simulation.calls.preparation import Situation, Torque, implausible_run
+from flexarm.simulation.calls.preparation import (
+    Situation,
+    Torque,
+    are_samples,
+    implausible_run,
+)
 from flexarm.simulation.calls.result import (
     arm_text,
     channel_labels,
@@ -56,7 +61,6 @@ from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.run.channels import CHANNELS, LIMITS
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import (
-    DEFAULTS,
     RunSettings,
     replaced,
     request_of,
@@ -246,7 +250,7 @@ def simulate_batch(
     seeds: ArrayLike | None = None,
     channels: Sequence[str] = ("joint_angle", "tip"),
     reductions: Mapping[str, Reduction] | None = None,
-    rate: float = 1000.0,
+    rate: float | None = None,
     stride: Count = 1,
     threads: int | None = None,
     progress: bool | None = None,
@@ -312,8 +316,10 @@ def simulate_batch(
     check_options(options, OPTIONS, "simulate_batch")
     keywords = {name: options.pop(name) for name in list(options) if name not in ACTING}
     keywords |= {"progress": progress} if settings is None or progress is not None else {}
-    keywords |= {"rate": rate} if settings is None or rate != DEFAULTS.rate else {}
+    keywords |= {"rate": rate} if settings is None or rate is not None else {}
     checked = settings_of(settings, keywords, simulate)
+    if are_samples(torque):
+        checked = replaced(checked, rate=checked.rate or RATE)
     # Code that is compiled in the middle of a run may differ in the last digits.
     checked = replaced(checked, specialized=bool(checked.specialized))
     threads = check_workers("threads", threads)
@@ -332,7 +338,7 @@ def simulate_batch(
         if variations.initial is None
         else variations.initial[..., first.joint_index[turning_joints(first)]].ravel()
     )
-    warn_of(implausible_run(first, shared.duration, checked.rate, starts))
+    warn_of(implausible_run(first, shared.duration, rate, starts))
     if model is not None and model.n_joints != first.n_joints:
         rule = f"have the number of joints of the arm ({model.n_joints})"
         raise InputError(Problem("plant", rule, shown(first.n_joints)))
@@ -350,7 +356,7 @@ def simulate_batch(
         "flexarm_version": package_version(),
         "software": software_versions(),
         "duration": shared.duration,
-        "rate": checked.rate,
+        "rate": shared.rate,
         "wall_seconds": time.perf_counter() - started,
     }
     request = request_of(checked, first)

@@ -30,7 +30,7 @@ from flexarm.control.contract.base import Controller, Reference, check_controlle
 from flexarm.integrate.base import FloatArray, Progress
 from flexarm.model import Change, Contact, Hardware, Load
 from flexarm.model.plausible import Number, Range, judge, weights
-from flexarm.model.scenarios.scenario import sample_fault
+from flexarm.model.scenarios.scenario import RATE, recording_rate, sample_fault
 from flexarm.simulation.histories.loads import LoadHistory, Prescribed, load_history, prescribe
 from flexarm.simulation.histories.piecewise import PiecewiseCubic, function_history, sampled_torque
 from flexarm.simulation.loop.control_loop import RunLoop
@@ -103,7 +103,7 @@ class Situation:
         if step is not None and step > duration:
             rule = f"be at most the duration of {duration:.6g} s"
             raise InputError(Problem("step", rule, shown(step)))
-        if (fault := sample_fault(duration, self.settings.rate)) is not None:
+        if (fault := sample_fault(duration, self.rate)) is not None:
             raise InputError(fault.problem())
         if self.simulated.n_joints != self.arm.n_joints:
             rule = f"have the number of joints of the arm ({self.arm.n_joints})"
@@ -136,10 +136,16 @@ class Situation:
         """The simulated arm."""
         return self.arm if self.plant is None else self.plant
 
+    @cached_property
+    def rate(self) -> float:
+        """Samples recorded per second, Hz, which are also those of samples of the torque."""
+        rate = RATE if are_samples(self.torque) else None
+        return recording_rate(self.settings.rate or rate, self.duration)
+
     @property
     def times(self) -> FloatArray:
         """Sample times (samples,), s."""
-        duration, rate = self.duration, self.settings.rate
+        duration, rate = self.duration, self.rate
         count = int(np.floor(duration * rate * (1 + 1e-12))) + 1
         # The last sample may exceed the end by rounding, and would then never be computed.
         return np.minimum(np.arange(count) / rate, duration)
@@ -162,13 +168,12 @@ class Situation:
     @property
     def interpolation(self) -> str:
         """Interpolation of the samples of the torque; that of a function of time is "cubic"."""
-        sampled = self.torque is not None and not callable(self.torque)
-        return self.settings.torque_interpolation if sampled else "cubic"
+        return self.settings.torque_interpolation if are_samples(self.torque) else "cubic"
 
     def loads_of(self, arm: Arm, known: dict[tuple[int, ...], PiecewiseCubic]) -> LoadHistory:
         """Return the loads of a run of an arm without contacts; see ``load_history``."""
         settings = self.settings
-        relative, spacing = relative_tolerance(settings, arm), 1.0 / settings.rate
+        relative, spacing = relative_tolerance(settings, arm), 1.0 / self.rate
         sampling = self.duration, relative, None, settings.breaks, spacing
         return load_history(arm, self.environment, *sampling, known)
 
@@ -176,7 +181,7 @@ class Situation:
         """Create a run."""
         arm, state = self.simulated, self.start.copy()
         log, prescribed = event_log(arm, self.events), tuple(self.prescribed or ())
-        span = self.duration, self.times, 1.0 / self.settings.rate, self.environment, meter
+        span = self.duration, self.times, 1.0 / self.rate, self.environment, meter
         run = new_run(arm, state, self.settings, *span, log, self.changes, prescribed)
         placed = run.loads.placed.contacts
         refuse_deep_start(arm, state, placed)
@@ -260,7 +265,7 @@ def torque_history(
     The start of prescribed joints is set in ``state``.
     """
     joints, duration, settings = arm.n_joints, situation.duration, situation.settings
-    breaks, spacing = settings.breaks, 1.0 / settings.rate
+    breaks, spacing = settings.breaks, 1.0 / situation.rate
     prescribed = situation.prescribed or {}
     if torque is None:
         history = PiecewiseCubic.constant(np.zeros(joints))
@@ -271,7 +276,7 @@ def torque_history(
         history = torque.held_to(duration)
     else:
         kind, samples = settings.torque_interpolation, driving_samples(arm, torque, prescribed)
-        history = sampled_torque(samples, settings.rate, duration, joints, kind, breaks)
+        history = sampled_torque(samples, situation.rate, duration, joints, kind, breaks)
         # A second run verifies an accuracy, and a given step decides itself.
         if settings.step is None and settings.accuracy is None:
             history = history.stopping_where_rough(relative_tolerance(settings, arm))
@@ -279,6 +284,12 @@ def torque_history(
     if prescribed:
         check_loops(arm, state, prescribed)
     return driven
+
+
+def are_samples(torque: object) -> bool:
+    """Return whether a torque, or those of runs, are samples."""
+    first = torque[0] if isinstance(torque, list | tuple) and torque else torque
+    return first is not None and not callable(first)
 
 
 def driving_samples(arm: Arm, torque: ArrayLike, prescribed: Collection[int]) -> FloatArray:
@@ -324,7 +335,7 @@ def integrator_of(arm: Arm, **arguments: Any) -> Choice:
 def implausible_run(
     arm: Arm,
     duration: float,
-    rate: float,
+    rate: float | None,
     angles: FloatArray | None = None,
     controller: Any = None,
     reference: Any = None,
@@ -334,7 +345,7 @@ def implausible_run(
     findings: list[str] = []
     if angles is not None and (text := about_degrees("initial", angles)):
         findings.append(text)
-    if duration * rate < _SAMPLES.low:
+    if rate is not None and duration * rate < _SAMPLES.low:
         text = f"rate is {rate:.4g} Hz, less than one sample in the duration of {duration:.4g} s"
         findings.append(f"{text}: did you mean {1.0 / rate:.4g} Hz ({rate:.4g} s between samples)?")
     if controller is not None:

@@ -379,8 +379,8 @@ def _samples(situation: Situation, history_of: Callable[[float], PiecewiseCubic]
     samples, joints = np.shape(torque)
     history = history_of(relative_tolerance(settings, situation.simulated))
     driving = driving_samples(situation.simulated, torque, situation.prescribed or ())
-    edges = spline_edges(driving, settings.rate, settings.breaks)
-    return Samples(history, (samples, joints), settings.rate, settings.torque_interpolation, edges)
+    edges = spline_edges(driving, situation.rate, settings.breaks)
+    return Samples(history, (samples, joints), situation.rate, settings.torque_interpolation, edges)
 
 
 def refuse_unsupported(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:

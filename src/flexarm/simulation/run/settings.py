@@ -93,7 +93,8 @@ class RunSettings:
 
     Args:
         integrator: "auto", a name of ``flexarm.integrate.INTEGRATORS``, or an integrator object.
-        rate: samples recorded per second, Hz.
+        rate: samples recorded per second, Hz; by default 1000, and a round number of more or fewer
+            for a run that would have less than 100 samples or more than a million.
         stations: sections of each link at which section forces are recorded; 0 for none.
         step: fixed step, or first step of a method with step control, s; None for the default.
         accuracy: largest error of the tip (m) that the integration may cause; the method and its
@@ -112,7 +113,7 @@ class RunSettings:
     """
 
     integrator: str | Integrator = "auto"
-    rate: float = 1000.0
+    rate: float | None = None
     stations: int = 0
     step: float | None = None
     accuracy: float | None = None
@@ -134,12 +135,11 @@ class RunSettings:
         for name in ("specialized", "progress"):
             if own[name] is not None:
                 check_flag(name, own[name])
-        own["rate"] = check_positive("rate", self.rate)
         own["breaks"] = check_array("breaks", self.breaks, (-1,))
         check_choice("torque_interpolation", self.torque_interpolation, INTERPOLATIONS)
         if self.rtol is not None:
             own["rtol"] = check_tolerance("rtol", self.rtol)
-        for name in ("accuracy", "atol"):
+        for name in ("rate", "accuracy", "atol"):
             if own[name] is not None:
                 own[name] = check_positive(name, own[name])
         if self.accuracy is not None:

@@ -24,7 +24,7 @@ from flexarm.linear import modes
 from flexarm.model import PlantSpec
 from flexarm.model.drives import ControllerDrive
 from flexarm.model.plausible import implausible
-from flexarm.model.scenarios.scenario import RunSpec, Scenario
+from flexarm.model.scenarios.scenario import RunSpec, Scenario, recording_rate
 from flexarm.simulation.calls.compare import warnings_of
 from flexarm.simulation.calls.metrics import METRICS, metrics_of
 from flexarm.view.plot.animation.scene import SceneOptions, player_data, scene_of, thin
@@ -165,8 +165,9 @@ def _names(project: Project) -> list[str]:
 
 def _coarse(run: RunSpec) -> dict[str, Any]:
     """Return the settings of the run of a preview: fewer samples, larger tolerances."""
-    every = math.ceil(run.rate * run.duration / _PREVIEW_SAMPLES)
-    return {"rate": run.rate / every, "accuracy": None, "rtol": max(_PREVIEW_RTOL, run.rtol or 0.0)}
+    rate = recording_rate(run.rate, run.duration)
+    every = math.ceil(rate * run.duration / _PREVIEW_SAMPLES)
+    return {"rate": rate / every, "accuracy": None, "rtol": max(_PREVIEW_RTOL, run.rtol or 0.0)}
 
 
 def _run(project: Project, **more: Any) -> xr.Dataset:
