@@ -22,13 +22,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.base.arguments import check_choice, check_positive, check_times
+from flexarm.base.arguments import check_choice, check_times
 from flexarm.base.errors import InputError, Problem, check_array, public_call
 from flexarm.base.writing.places import check_place, write_whole
 from flexarm.integrate.implicit.gauss import gauss_coefficients
 from flexarm.linear.statics.gaps import warn_of_bristles
 from flexarm.model.arm.spec import serial_only
-from flexarm.model.scenarios.scenario import sample_fault
+from flexarm.model.quantities import Positive
+from flexarm.model.scenarios.scenario import recording_rate, sample_fault
 from flexarm.motion import Motion
 from flexarm.motion.dynamics.base_motion import BaseMotion, base_motion
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
@@ -229,7 +230,7 @@ def linearize_along(
     motion: Motion,
     *,
     joints: str = "free",
-    rate: float = 500.0,
+    rate: Positive | None = None,
     times: ArrayLike | None = None,
 ) -> Separation:
     """Linearise a flexible arm about a rigid reference motion.
@@ -239,7 +240,8 @@ def linearize_along(
         motion: reference motion of the rigid arm.
         joints: "free": joints and links deviate, driven by the rigid torque and the torque added to
             it. "locked": the joints follow the motion exactly, and only the links deviate.
-        rate: sampling rate, Hz; the start and the end of the motion are samples too.
+        rate: sampling rate, Hz, by default as for `simulate`; the start and the end of the motion
+            are samples too.
         times: (T,) s, sample times to use instead of ``rate``.
 
     Raises:
@@ -255,7 +257,7 @@ def linearize_along(
     warn_of_bristles(arm, "the linear model")
     joints = check_choice("joints", joints, JOINTS)
     if times is None:
-        frequency = check_positive("rate", rate)
+        frequency = recording_rate(rate, motion.duration)
         fault = sample_fault(motion.duration, frequency)
         if fault is not None:
             raise InputError(fault.problem())

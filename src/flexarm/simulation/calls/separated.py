@@ -38,7 +38,7 @@ from flexarm.linear.small_deviations.along import (
 from flexarm.linear.statics.gaps import refuse_bristles
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.quantities import Positive
-from flexarm.model.scenarios.scenario import sample_fault
+from flexarm.model.scenarios.scenario import recording_rate, sample_fault
 from flexarm.motion import Motion, rigid_torque
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.result import make_result
@@ -68,7 +68,7 @@ def simulate_separated(
     initial_deviation: ArrayLike | None = None,
     initial_deviation_rate: ArrayLike | None = None,
     breaks: ArrayLike = (),
-    rate: Positive = 1000.0,
+    rate: Positive | None = None,
     rtol: Positive = RTOL,
 ) -> xr.Dataset:
     """Simulate an arm under the rigid torques of a motion, by the paper's separation.
@@ -84,7 +84,7 @@ def simulate_separated(
         initial_deviation, initial_deviation_rate: (dof,) from the reference at time zero; zero by
             default.
         breaks: times (s) at which ``added_torque`` jumps or has a kink, as in ``simulate``.
-        rate: samples recorded per second, Hz.
+        rate: samples recorded per second, Hz; by default as for `simulate`.
         rtol: steps are halved until two runs agree to this fraction of the largest deviation.
 
     Returns:
@@ -107,6 +107,7 @@ def simulate_separated(
     method = check_choice("method", method, METHODS)
     model = linearize_along(arm, motion, joints=joints, times=np.zeros(1))
     until = motion.end_time if duration is None else duration
+    rate = recording_rate(rate, until)
     fault = sample_fault(until, rate)
     if fault is not None:
         raise InputError(fault.problem())
