@@ -5,6 +5,7 @@ import pytest
 
 import flexarm as fa
 from arms import table_one_arm
+from plausible_arms import plausible_spec
 
 
 def paper_line(arm, duration, **fields):
@@ -131,3 +132,17 @@ def test_excessive_bending_gives_a_warning(method, theory):
 def test_small_bending_gives_no_warning():
     arm = table_one_arm()
     assert fa.simulate_separated(arm, paper_line(arm, 2.0)).attrs["warning"] == ""
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_half_a_millimetre_converges():
+    """The mass of a joint is 1e-17 kg m^2, and the modes have mass 1 in their coordinates."""
+    arm = fa.Arm(plausible_spec(np.random.default_rng(0)))
+    start, end = [0.1, 0.6, -0.6], [0.14, 0.46, -0.74]
+    period = 1.0 / fa.modes(arm, start).frequency_hz.min()
+    motion = fa.joint_motion(arm, start, end, 6.0 * period)
+    steps = [
+        fa.simulate_separated(arm, motion, rtol=rtol).tip.values[:, :2] for rtol in (1e-3, 1e-4)
+    ]
+    moved = np.abs(steps[1] - motion.tip(np.linspace(0.0, motion.end_time, len(steps[1])))).max()
+    assert np.abs(steps[1] - steps[0]).max() < 1e-3 * moved

@@ -299,6 +299,8 @@ def _sample(model: Separation, times: FloatArray) -> tuple[Reference, Deviation]
 _FIRST, _MOST = 32, 256
 #: A series is long enough if its last coefficients are below this fraction of the largest.
 _DIGITS = 1e-10
+#: Numbers of a matrix below this fraction of the largest have no more digits than that.
+_ROUNDING = 2.0 * np.finfo(float).eps / _DIGITS
 
 
 class SmoothMatrices:
@@ -340,13 +342,24 @@ class SmoothMatrices:
             series: Any = chebyshev.chebinterpolate(
                 lambda x: self._packed(0.5 * (a + b) + 0.5 * (b - a) * x), count - 1
             )
-            scale = np.max(np.abs(series), axis=0)
-            k = self._model.kept.size
-            scale = np.maximum(scale, 1e-3 * np.max(scale[-k:], initial=0.0))
-            last = np.max(np.abs(series[-3:]) / np.maximum(scale, np.max(scale) * 1e-12))
+            last = np.max(np.abs(series[-3:]) / self._sizes(np.max(np.abs(series), axis=0)))
             if last < _DIGITS or count >= _MOST:
                 return np.asarray(series)
             count *= 2
+
+    def _sizes(self, largest: FloatArray) -> FloatArray:
+        """Return positive sizes of the numbers of a series from their largest coefficients.
+
+        Numbers count relative to those of the same matrix, in coordinates of equal inertia.
+        """
+        k = self._model.kept.size
+        matrices, r = largest[: 3 * k * k].reshape(3, k, k), largest[3 * k * k :]
+        inertia = np.sqrt(np.diagonal(matrices[0]))
+        square = np.outer(inertia, inertia)
+        most = np.max(matrices / square, axis=(1, 2), keepdims=True) * square
+        least = 1e-3 * np.max(r / inertia) * inertia
+        sizes = np.maximum(matrices, _ROUNDING * most).ravel(), np.maximum(r, least)
+        return np.maximum(np.concatenate(sizes), np.finfo(float).tiny)
 
 
 STAGES = 3
@@ -369,6 +382,10 @@ def stage_accelerations(
     accelerations (N, s, k, 2 k + p) are per unit q and qd at the start, and by each force.
     """
     count, s, k, p = force.shape
+    # Rows and columns of equal size, which the solution needs for arms of a millimetre. Powers of
+    # two do not round.
+    size = np.exp2(-np.round(0.5 * np.log2(np.mean(np.diagonal(M, axis1=2, axis2=3), (0, 1)))))
+    M, D, K = (size[:, None] * size * part for part in (M, D, K))
     step = h[:, None, None, None, None]
     # A A, not the double integrals: their method is unstable for stiff modes.
     a, b = (part[:, :, None, None] for part in (_METHOD.AA, _METHOD.A))
@@ -376,9 +393,10 @@ def stage_accelerations(
     G[:, range(s), range(s)] += M
     G = G.transpose(0, 1, 3, 2, 4).reshape(count, s * k, s * k)
     by_rate = D + step[..., 0] * _METHOD.c[:, None, None] * K
-    right = np.concatenate([np.broadcast_to(-K, by_rate.shape), -by_rate, force], axis=3)
+    by_place = np.broadcast_to(K / size, by_rate.shape)
+    right = np.concatenate([-by_place, -by_rate / size, size[:, None] * force], axis=3)
     solved: FloatArray = np.linalg.solve(G, right.reshape(count, s * k, -1))
-    return solved.reshape(count, s, k, 2 * k + p)
+    return size[:, None] * solved.reshape(count, s, k, 2 * k + p)
 
 
 def step_maps(h: FloatArray, accelerations: FloatArray) -> FloatArray:
