@@ -358,8 +358,9 @@ class SmoothMatrices:
         square = np.outer(inertia, inertia)
         most = np.max(matrices / square, axis=(1, 2), keepdims=True) * square
         least = 1e-3 * np.max(r / inertia) * inertia
-        sizes = np.maximum(matrices, _ROUNDING * most).ravel(), np.maximum(r, least)
-        return np.maximum(np.concatenate(sizes), np.finfo(float).tiny)
+        parts = np.maximum(matrices, _ROUNDING * most).ravel(), np.maximum(r, least)
+        sizes: FloatArray = np.maximum(np.concatenate(parts), np.finfo(float).tiny)
+        return sizes
 
 
 STAGES = 3
@@ -395,8 +396,9 @@ def stage_accelerations(
     by_rate = D + step[..., 0] * _METHOD.c[:, None, None] * K
     by_place = np.broadcast_to(K / size, by_rate.shape)
     right = np.concatenate([-by_place, -by_rate / size, size[:, None] * force], axis=3)
-    solved: FloatArray = np.linalg.solve(G, right.reshape(count, s * k, -1))
-    return size[:, None] * solved.reshape(count, s, k, 2 * k + p)
+    scaled = np.linalg.solve(G, right.reshape(count, s * k, -1))
+    solved: FloatArray = size[:, None] * scaled.reshape(count, s, k, 2 * k + p)
+    return solved
 
 
 def step_maps(h: FloatArray, accelerations: FloatArray) -> FloatArray:
