@@ -10,6 +10,7 @@ from scipy.linalg import eigvals
 
 import flexarm as fa
 from arms import ROD, table_one_arm
+from flexarm.linear.vibration.modal import lowest_frequency
 
 DATA = Path(__file__).parents[2] / "data"
 ROTATING = json.loads((DATA / "beam_reference.json").read_text(encoding="utf-8"))["rotating"]
@@ -208,3 +209,16 @@ class TestCurves:
             for part in (found.complex_shapes.real, found.complex_shapes.imag)
         ]
         np.testing.assert_allclose(moved, parts[0] + 1j * parts[1], rtol=0, atol=1e-12)
+
+
+def test_scale_of_an_arm_with_backlash_is_that_with_the_gear_at_its_end():
+    """Within the gap nothing holds the link."""
+    link = fa.Link(length=0.5, flexural_rigidity=20.0, mass_per_length=0.5, elements=1)
+
+    def geared(gap):
+        spring = {"stiffness": 30.0, "rotor_inertia": 1e-5, "gear_ratio": 50.0}
+        return fa.Arm(links=[link], joints=[fa.Joint(**spring, backlash=gap)])
+
+    assert lowest_frequency(geared(1e-3)) == lowest_frequency(geared(0.0))
+    with pytest.raises(fa.InputError, match="sample_time must be at most 0.0"):
+        fa.ComputedTorque(geared(1e-3), 1.0, sample_time=1.0)
