@@ -100,6 +100,38 @@ def test_vertical_arm():
     assert np.abs(away).max() < 1e-3
 
 
+def vertical_chain(**drive):
+    """Return an arm of two links, whose joints have the same drive, and a motion."""
+    rod = {"elements": 2, "damping": fa.ModalDamping(ratio=0.01), "mass_per_length": 0.6}
+    links = [fa.Link(length=length, flexural_rigidity=60.0, **rod) for length in (1.0, 0.8)]
+    joints = [fa.Joint(hub_inertia=0.05, **drive), fa.Joint(hub_inertia=0.02, mass=0.3, **drive)]
+    return fa.Arm(links=links, joints=joints, payload=fa.Payload(mass=0.2), gravity=(0.0, -9.81))
+
+
+@pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning")  # links sag by a tenth
+@pytest.mark.parametrize(
+    ("drive", "duration"),
+    [
+        ({}, 1.2),
+        # With the springs of a feedback as keys of the joint, this one was elastic.
+        pytest.param({}, 3.0, marks=pytest.mark.thorough),
+        # It falls without feedback.
+        pytest.param({"stiffness": 800.0}, 3.0, marks=pytest.mark.thorough),
+    ],
+)
+def test_geared_arms_under_gravity(drive, duration):
+    arm = vertical_chain(rotor_inertia=1e-5, gear_ratio=60.0, **drive)
+    motion = fa.joint_motion(arm, [0.2, 0.8], [1.2, 0.3], duration, start_time=1.0)
+    found = fa.tip_inversion(arm, motion)
+    assert found.tip_error < found.rigid_tip_error / 300.0
+    law = fa.JointPD([200.0, 80.0], [20.0, 8.0], feedforward=found.torque)
+    run = fa.simulate(
+        arm, found.end, controller=law, reference=found.reference, initial=found.initial
+    )
+    away = run.tip.values[:, :2] - motion.tip(run.time.values)
+    assert np.abs(away).max() < found.rigid_tip_error / 300.0
+
+
 @pytest.mark.thorough
 def test_failed_inversion_reports_its_tip_error():
     arm = table_one_arm()

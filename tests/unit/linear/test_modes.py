@@ -220,5 +220,5 @@ def test_scale_of_an_arm_with_backlash_is_that_with_the_gear_at_its_end():
         return fa.Arm(links=[link], joints=[fa.Joint(**spring, backlash=gap)])
 
     assert lowest_frequency(geared(1e-3)) == lowest_frequency(geared(0.0))
-    with pytest.raises(fa.InputError, match="sample_time must be at most 0.0"):
+    with pytest.raises(fa.InputError, match=r"sample_time must be at most 0\.0"):
         fa.ComputedTorque(geared(1e-3), 1.0, sample_time=1.0)

@@ -7,6 +7,7 @@ before the tip moves and after it has stopped; (D.10), (D.11)."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -339,28 +340,35 @@ class SupportedTorque:
         return self.torque(times) + moved
 
 
-def joint_support(
+def joint_supports(
     arm: Arm, motion: Motion, ends: tuple[RestEnd, RestEnd], start: float, end: float
-) -> JointSupport | None:
-    """Return a support for an arm under gravity; None without gravity or with elastic joints.
+) -> Iterator[JointSupport | None]:
+    """Yield supports for an arm in the order in which they are tried; None without gravity.
 
-    The springs of elastic joints act between motor and link, so they cannot act beside the motor.
+    Elastic joints hold an arm for some time, without feedback, to which open loops are less exact.
     """
-    turning = [arm.spec.joints[seat.link] for seat in arm.assembly.seats]
-    if not any(arm.spec.gravity) or any(joint.elastic for joint in turning):
-        return None
+    heavy = any(arm.spec.gravity)
+    if not heavy or any(joint.elastic for joint in arm.spec.joints):
+        yield None
+    if heavy:
+        yield _joint_support(arm, motion, ends, start, end)
+
+
+def _joint_support(
+    arm: Arm, motion: Motion, ends: tuple[RestEnd, RestEnd], start: float, end: float
+) -> JointSupport:
     angles = motion.joint_angle(np.array([motion.start_time, motion.end_time]))
     slowest = 2.0 * np.pi * float(np.min(modes(arm, angles[0], joints="locked").frequency_hz))
     rigid = arm.rigid()
     inertia = np.max([np.diag(rigid.mass_matrix(rigid.rest(a))) for a in angles], axis=0)
     bandwidth = _BANDWIDTH * slowest
     stiffness, damping = inertia * bandwidth**2, 2.0 * _DAMPING_RATIO * inertia * bandwidth
-    joints = list(arm.spec.joints)
-    for seat, k, c in zip(arm.assembly.seats, stiffness, damping, strict=True):
-        joint = joints[seat.link]
-        changed = {"stiffness": joint.stiffness + float(k), "damping": joint.damping + float(c)}
-        joints[seat.link] = joint.replace(**changed)
-    rest_angles = np.array([joint.rest_angle for joint in turning])
+    # Springs and dampers beside the motors, which no key of a joint has: a spring and the inertia
+    # of a rotor are an elastic joint.
+    supported = Arm(arm.spec)
+    constants, motors = supported.assembly.constants, supported.assembly.joint_body
+    constants.joint_stiffness[motors] += stiffness
+    constants.joint_damping[motors] += damping
+    rest_angles = constants.joint_rest[motors].copy()
     sag = np.stack([rest.q[arm.joint_index] for rest in ends]) - angles
-    supported = Arm(arm.spec.replace(joints=joints))
     return JointSupport(supported, motion, stiffness, damping, rest_angles, sag, start, end)
