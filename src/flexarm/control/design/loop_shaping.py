@@ -8,10 +8,10 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
-from flexarm.control.design.linear_design import held
 from flexarm.control.design.minimal import without_dry_friction
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.hardware.measurement import FloatArray
+from flexarm.control.hardware.sampled_plant import held
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.equilibrium import equilibrium

@@ -16,12 +16,12 @@ from flexarm.control.design.linear_design import (
     bend_weight,
     bending,
     check_names,
-    held,
     regulated,
     regulator,
     rows_of,
     sizes_of,
 )
+from flexarm.control.hardware.sampled_plant import held
 from flexarm.control.laws.lqg import LQG
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model.arm.spec import UNDRIVEN
@@ -81,6 +81,7 @@ class Composite(CompositeParameters, LQG):
     actuated: ClassVar[None] = None  # type: ignore[misc]
     preview: ClassVar[float] = 0.0  # type: ignore[misc]
     nominal: ClassVar[None] = None  # type: ignore[misc]
+    hardware: ClassVar[None] = None  # type: ignore[misc]
 
     def __post_init__(self) -> None:
         arm = self.arm

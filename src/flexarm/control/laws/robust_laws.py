@@ -36,7 +36,6 @@ from flexarm.control.contract.base import (
 )
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import BANDWIDTH, check_sample_time, typical_rate
-from flexarm.control.design.linear_design import held
 from flexarm.control.design.loop_shaping import (
     DAMPING,
     Matrices,
@@ -50,6 +49,7 @@ from flexarm.control.design.loop_shaping import (
 )
 from flexarm.control.design.minimal import without_dry_friction
 from flexarm.control.design.nominal import Interpolated, PostureGrid
+from flexarm.control.hardware.sampled_plant import held
 from flexarm.control.laws.joint_laws import JointFollower
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import LinearModel
