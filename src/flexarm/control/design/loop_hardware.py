@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -16,14 +17,23 @@ from flexarm.control.hardware.sampled_plant import (
 )
 from flexarm.model import Hardware, Instrument, Motors
 
+#: Description of the argument ``hardware`` of controllers.
+OF_DESIGN = (
+    "Motors and instruments whose delays, lag and filtered rates are states of the design model; "
+    "cannot be combined with ``delay``."
+)
 #: Reading of an instrument that derives the rate, and its signal.
 _RATES = {"joint_rate": "joint_angle"}
 
 
+def refuse_both(controller: Any) -> None:
+    """Raise if a controller has both hardware and a delay, which is part of it."""
+    if controller.hardware is not None and controller.delay:
+        raise InputError(Problem("delay", "cannot be combined with hardware"))
+
+
 class LoopHardware:
     """Motors and instruments of a loop, as states of its plant.
-
-    Whole samples of the delay of the motors are not among them: a controller predicts over them.
 
     Args:
         hardware: instruments and motors. measured: names of the readings of the controller.
@@ -42,6 +52,7 @@ class LoopHardware:
         motors = hardware.motors or Motors()
         self.delayed, part = delay_in_samples(motors.delay, sample_time)
         self.lead = self.delayed + part + motors.time_constant / sample_time
+        self._all = motors
         self._motors = motors.replace(delay=part * sample_time)
         self._sample_time, self._measured = sample_time, measured
         self._instruments: list[Instrument] = []
@@ -54,15 +65,19 @@ class LoopHardware:
                 self._instruments.append(item)
         self.signals = tuple(str(item.signal) for item in self._instruments)
 
-    def plant(self, A: FloatArray, B: FloatArray, rows: Mapping[str, FloatArray]) -> SampledPlant:
+    def plant(
+        self, A: FloatArray, B: FloatArray, rows: Mapping[str, FloatArray], whole: bool = False
+    ) -> SampledPlant:
         """Sample an arm x' = A x + B (acting torque) with the hardware; (C.153).
 
         Args:
             A, B: of the arm. rows: of C for the signals.
+            whole: whether the whole samples of the delay of the motors are states, too; otherwise
+                a controller predicts over them.
 
         The outputs are the readings in the order of the controller.
         """
-        return self._ordered(A, B, rows, self._motors)
+        return self._ordered(A, B, rows, self._all if whole else self._motors)
 
     def nominal(self, sizes: Mapping[str, int]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the map of the signals and frames to the next frames and the readings; (C.154).
@@ -80,7 +95,8 @@ class LoopHardware:
         plant = self._ordered(np.zeros((count, count)), np.zeros((count, 0)), rows, None)
         both = np.vstack([plant.A[0][count:], plant.C[0]])
         frames = len(plant.A[0]) - count
-        settled = np.linalg.solve(np.eye(frames) - both[:frames, count:], both[:frames, :count])
+        kept = np.eye(frames) - both[:frames, count:]
+        settled = np.asarray(np.linalg.solve(kept, both[:frames, :count]), dtype=np.float64)
         return both[:, :count], both[:, count:], settled
 
     def _ordered(

@@ -37,7 +37,7 @@ from flexarm.control.design.linear_design import (
     design,
     preview_gain,
 )
-from flexarm.control.design.loop_hardware import LoopHardware
+from flexarm.control.design.loop_hardware import OF_DESIGN, LoopHardware, refuse_both
 from flexarm.control.design.minimal import MinimalCoordinates, refuse_damped_drift
 from flexarm.control.design.nominal import (
     FlexibleModel,
@@ -86,16 +86,11 @@ class LQG(LQGParameters, OfArm, Controller):
         default=None,
         description="Result of ``simulate`` that replaces the reference as nominal motion.",
     )
-    hardware: Hardware | None = Field(
-        default=None,
-        description="Motors and instruments whose delays, lag and filtered rates are states of the "
-        "design; replaces ``delay``.",
-    )
+    hardware: Hardware | None = Field(default=None, description=OF_DESIGN)
 
     def __post_init__(self) -> None:
         arm = self.arm
-        if self.hardware is not None and self.delay:
-            raise InputError(Problem("delay", "cannot be combined with hardware"))
+        refuse_both(self)
         self.posture = np.zeros(arm.n_joints) if self.posture is None else np.array(self.posture)
         # The property reads another attribute, which the design sets.
         rate = typical_rate(arm, vars(self)["sample_time"])
@@ -199,7 +194,7 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def _size(self, name: str) -> int:
         """Return the number of components of a channel that may be measured."""
-        return self._model.readings((name,), *np.zeros((2, 1, self.arm.dof))).shape[1]
+        return int(self._model.readings((name,), *np.zeros((2, 1, self.arm.dof))).shape[1])
 
     def _slices(self, names: Sequence[str]) -> dict[str, slice]:
         """Return the places of channels in a row of their components, by name."""
@@ -463,7 +458,7 @@ class LQG(LQGParameters, OfArm, Controller):
         with one_warning():
             for unsure, recovery in _TRIED:
                 made = cls(arm, posture, rigidity_uncertainty=unsure, recovery=recovery, **options)
-                margin = _least(made.at_rest(), arms, postures, best)
+                margin = _least(made.at_rest(), arms, postures, best, made.hardware)
                 if margin >= required:
                     break
                 if margin > best:
@@ -494,12 +489,16 @@ _TRIED = tuple(
 
 
 def _least(
-    controller: LQG, arms: Sequence[Arm], postures: ArrayLike | None, enough: float
+    controller: Controller,
+    arms: Sequence[Arm],
+    postures: ArrayLike | None,
+    enough: float,
+    hardware: Hardware | None = None,
 ) -> float:
     """Return the least disk margin of several arms; stop early once it is at most ``enough``."""
     least = 2.0
     for arm in arms:
-        margins = loop_margins(controller, arm, postures, hardware=controller.hardware)
+        margins = loop_margins(controller, arm, postures, hardware=hardware)
         least = min(least, float(margins.disk_margin.min()))
         if least <= enough:
             break

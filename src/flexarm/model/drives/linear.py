@@ -172,6 +172,26 @@ class CompositeParameters(LinearParameters):
     times the typical rate."""
 
 
+class _HardwareKeys(ControllerParameters):
+    """Key of the drives whose design may include the hardware of the scenario."""
+
+    hardware: Annotated[Any, Typed(Flag | None)] = None
+    """Whether the motors and instruments of the scenario are part of the design: their delays, lag
+    and filtered rates are states of its model. Cannot be combined with delay."""
+
+
+class LQGKeys(LQGParameters, _HardwareKeys):
+    """Keys of the drive `lqg`."""
+
+
+class MPCKeys(MPCParameters, _HardwareKeys):
+    """Keys of the drive `mpc`."""
+
+
+class CompositeKeys(CompositeParameters, _HardwareKeys):
+    """Keys of the drive `composite`."""
+
+
 class RobustParameters(ControllerParameters):
     """Parameters of the robust controllers of joint angles and rates."""
 
@@ -205,6 +225,10 @@ class LoopShapingParameters(RobustParameters):
     """For each joint nothing, or increasing angles: designs on the grid of these angles, between
     which the controllers are interpolated (rad)."""
     sample_time: SampleTime = 0.001
+
+
+class LoopShapingKeys(LoopShapingParameters, _HardwareKeys):
+    """Keys of the drive `loop_shaping`."""
 
 
 class MuSynthesisParameters(RobustParameters):
