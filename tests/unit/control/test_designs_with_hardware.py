@@ -212,6 +212,17 @@ def test_key_of_a_file_is_the_hardware_of_the_scenario(arm, kind):
         prepare(scenario)
 
 
+def test_two_encoders_at_the_joints(arm):
+    """The rates are those of a second encoder, whose angles the controller does not read."""
+    motor = fa.Instrument("joint_angle", name="motor", rate_cutoff=CUTOFF, rate_name="joint_rate")
+    two = LATE.replace(instruments=[fa.Instrument("joint_angle"), motor, LATE.instruments[1]])
+    poles = [
+        fa.LQG(arm, POSTURE, measured=NOISE, hardware=hardware).loop_poles()[:8]
+        for hardware in (LATE, two)
+    ]
+    np.testing.assert_allclose(poles[1], poles[0], rtol=1e-6)
+
+
 def test_refused_hardware(arm):
     slow = LATE.replace(instruments=[fa.Instrument("joint_angle", sample_time=0.01)])
     named = LATE.replace(instruments=[fa.Instrument("joint_angle", name="encoder")])

@@ -114,7 +114,7 @@ def design(
 ) -> Design:
     """Design a regulator and a filter at rest in a posture, under gravity; (C.22) to (C.26).
 
-    The motors and instruments of ``hardware`` are states of the model, (C.153).
+    The motors and instruments of ``hardware`` are states of the model.
 
     Raises:
         InputError: if a name is unknown, a number is not positive, or no gains are stabilising.

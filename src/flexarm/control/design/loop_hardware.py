@@ -1,4 +1,4 @@
-"""Motors and instruments in the model of a design: (C.153) and (C.154)."""
+"""Motors and instruments in the model of a design: theory page "control-linear", section 5."""
 
 from __future__ import annotations
 
@@ -61,14 +61,16 @@ class LoopHardware:
             if stride_and_delay(item, sample_time)[0] > 1:
                 rule = "has instruments with their own sample_time, which is not supported"
                 raise InputError(Problem("hardware", rule))
+            if set(measured).isdisjoint(item.labels[1:]):  # its filter adds nothing
+                item = item.replace(rate_cutoff=None, rate_name=None)
             if item not in self._instruments:
                 self._instruments.append(item)
-        self.signals = tuple(str(item.signal) for item in self._instruments)
+        self.signals = tuple(dict.fromkeys(str(item.signal) for item in self._instruments))
 
     def plant(
         self, A: FloatArray, B: FloatArray, rows: Mapping[str, FloatArray], whole: bool = False
     ) -> SampledPlant:
-        """Sample an arm x' = A x + B (acting torque) with the hardware; (C.153).
+        """Sample an arm x' = A x + B (acting torque) with the hardware.
 
         Args:
             A, B: of the arm. rows: of C for the signals.
@@ -80,7 +82,7 @@ class LoopHardware:
         return self._ordered(A, B, rows, self._all if whole else self._motors)
 
     def nominal(self, sizes: Mapping[str, int]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the map of the signals and frames to the next frames and the readings; (C.154).
+        """Return the map of the signals and frames to the next frames and the readings.
 
         Args:
             sizes: number of components of each signal.
@@ -102,13 +104,12 @@ class LoopHardware:
     def _ordered(
         self, A: FloatArray, B: FloatArray, rows: Mapping[str, FloatArray], motors: Motors | None
     ) -> SampledPlant:
-        none = B.shape[1]
-        readings = [
-            (item, Signal(np.zeros(0), rows[name], np.zeros((len(rows[name]), none))))
-            for item, name in zip(self._instruments, self.signals, strict=True)
-        ]
+        readings = []
+        for item in self._instruments:
+            C = rows[str(item.signal)]
+            readings.append((item, Signal(np.zeros(0), C, np.zeros((len(C), B.shape[1])))))
         plant = sampled_plant(A, B, readings, motors, self._sample_time)
-        labels = [name for item, s in readings for name in item.labels for _ in s.C]
+        labels = [name for item, signal in readings for name in item.labels for _ in signal.C]
         order = [k for name in self._measured for k, label in enumerate(labels) if label == name]
         return plant._replace(C=[plant.C[0][order]])
 

@@ -322,7 +322,7 @@ class LQG(LQGParameters, OfArm, Controller):
         return {**after, **frames, **more}, torque
 
     def _nominal_readings(self, memory: Arrays, inputs: Arrays) -> tuple[Arrays, Arrays]:
-        """Return the inputs with the nominal readings of instruments, and their frames; (C.154)."""
+        """Return the inputs with the nominal readings of instruments, and their frames."""
         if self._frames is None:
             return inputs, {}
         by_signal, by_frame, settled = self._frames

@@ -180,15 +180,15 @@ class _HardwareKeys(ControllerParameters):
     and filtered rates are states of its model. Cannot be combined with delay."""
 
 
-class LQGKeys(LQGParameters, _HardwareKeys):
+class LQGKeys(_HardwareKeys, LQGParameters):
     """Keys of the drive `lqg`."""
 
 
-class MPCKeys(MPCParameters, _HardwareKeys):
+class MPCKeys(_HardwareKeys, MPCParameters):
     """Keys of the drive `mpc`."""
 
 
-class CompositeKeys(CompositeParameters, _HardwareKeys):
+class CompositeKeys(_HardwareKeys, CompositeParameters):
     """Keys of the drive `composite`."""
 
 
@@ -227,7 +227,7 @@ class LoopShapingParameters(RobustParameters):
     sample_time: SampleTime = 0.001
 
 
-class LoopShapingKeys(LoopShapingParameters, _HardwareKeys):
+class LoopShapingKeys(_HardwareKeys, LoopShapingParameters):
     """Keys of the drive `loop_shaping`."""
 
 
