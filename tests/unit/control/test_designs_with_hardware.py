@@ -223,6 +223,26 @@ def test_two_encoders_at_the_joints(arm):
     np.testing.assert_allclose(poles[1], poles[0], rtol=1e-6)
 
 
+def test_margins_of_a_search_are_those_with_the_hardware(arm):
+    law = fa.LQG.for_margin(arm, POSTURE, plants=arm, disk_margin=0.45, hardware=LATE)
+    disk = [
+        fa.loop_margins(law, arm, [POSTURE], hardware=hardware).disk_margin.item()
+        for hardware in (LATE, None)
+    ]
+    assert disk[0] >= 0.45
+    # A search for loops without the drive would not accept it.
+    assert disk[1] < 0.45
+
+
+def test_gauges_that_the_hardware_does_not_have_are_not_measured(arm):
+    bare = LATE.replace(instruments=[fa.Instrument("joint_angle", rate_cutoff=CUTOFF)])
+    law = fa.LQG(arm, POSTURE, hardware=bare)
+    assert set(law.design_requirements.measured) == {"joint_angle"}
+    assert set(fa.LQG(arm, POSTURE, hardware=LATE).design_requirements.measured) == {
+        *("joint_angle", "strain")
+    }
+
+
 def test_refused_hardware(arm):
     slow = LATE.replace(instruments=[fa.Instrument("joint_angle", sample_time=0.01)])
     named = LATE.replace(instruments=[fa.Instrument("joint_angle", name="encoder")])

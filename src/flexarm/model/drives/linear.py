@@ -73,7 +73,8 @@ class LinearParameters(ControllerParameters):
     sample time; 0.0064 rad in one for rigid arms."""
     measured: Named[_PositiveNumbers] | None = None
     """Measured signals (joint_angle, joint_rate, strain, tip) and the standard deviations of their
-    noise; by default 0.1 mrad of joint_angle, and 2e-5 of strain if the arm has gauges."""
+    noise; by default 0.1 mrad of joint_angle, and 2e-5 of strain if the arm has gauges, and the
+    hardware of the design, if given, an instrument of them."""
     disturbance: Named[_PositiveNumbers] | None = None
     """Inputs that act as unmeasured disturbances, such as torque and tip_force, and their standard
     deviations; by default a tenth of the acceptable torque, and as tip_force a fifth of the largest
