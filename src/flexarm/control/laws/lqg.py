@@ -289,7 +289,7 @@ class LQG(LQGParameters, OfArm, Controller):
                 memory["waiting"] = np.concatenate([missing] * self._delayed, axis=-1)
         if self._frames is not None:
             frames = applied(self._frames[2], inputs["nominal_reading"])
-            memory["frames"] = np.broadcast_to(frames, (*runs, frames.shape[-1]))
+            memory["_frames"] = np.broadcast_to(frames, (*runs, frames.shape[-1]))
         return memory
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
@@ -327,7 +327,7 @@ class LQG(LQGParameters, OfArm, Controller):
             return inputs, {}
         by_signal, by_frame, settled = self._frames
         exact = inputs["nominal_reading"]
-        both = applied(by_signal, exact) + applied(by_frame, memory["frames"])
+        both = applied(by_signal, exact) + applied(by_frame, memory["_frames"])
         frames, late = both[..., : len(settled)], both[..., len(settled) :]
         inputs = {**inputs, "nominal_reading": late}
         # Integrals are those of the readings, so that their desired values are late, too.
@@ -336,7 +336,7 @@ class LQG(LQGParameters, OfArm, Controller):
         if "nominal_tip" in inputs:
             moved = late[..., self._places["tip"]] - exact[..., self._signal_places["tip"]]
             inputs["nominal_tip"] = inputs["nominal_tip"] + moved
-        return inputs, {"frames": frames}
+        return inputs, {"_frames": frames}
 
     def _predicted(
         self, estimate: FloatArray, memory: Arrays, predict: FloatArray, inputs: Arrays
