@@ -10,6 +10,7 @@ import flexarm as fa
 from bridges.c_code_tools import Library, make
 from conformance.controller_examples import (
     EXAMPLES,
+    LATE,
     LIMIT,
     SAMPLE_TIME,
     example,
@@ -130,6 +131,9 @@ LAWS = {
     ),
     "disturbance_observer": lambda: fa.DisturbanceObserver(heavy(), joint_pd(), 0.2),
     "lqg": lambda: fa.LQG(heavy(), [0.4, 0.1], sample_time=SAMPLE_TIME),
+    "lqg_hardware": lambda: fa.LQG(
+        heavy(), [0.4, 0.1], hardware=LATE, integral=True, sample_time=SAMPLE_TIME
+    ),
     "lqg_integral": lambda: fa.LQG(
         heavy(), [0.4, 0.1], integral=True, torque_limit=[30.0, 3.0], sample_time=SAMPLE_TIME
     ),

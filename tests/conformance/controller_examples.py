@@ -33,6 +33,14 @@ def kalman_filter():
     return fa.ExtendedKalmanFilter(two_links(), instruments, sample_time=SAMPLE_TIME)
 
 
+#: A drive whose delays, lag and filtered rates are states of linear designs.
+LATE = fa.Hardware(
+    instruments=[
+        fa.Instrument("joint_angle", rate_cutoff=25.0),
+        fa.Instrument("strain", delay=SAMPLE_TIME),
+    ],
+    motors=fa.Motors(delay=1.5 * SAMPLE_TIME, time_constant=0.002),
+)
 #: Torques that keep the links of ``two_links`` within the linear theory for any motion.
 LIMIT = [2.0, 0.6]
 _GAINS = {"proportional": [8.0, 3.0], "derivative": [0.8, 0.3]}

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexarm as fa
-from conformance.controller_examples import EXAMPLES, SAMPLE_TIME, joint_pd
+from conformance.controller_examples import EXAMPLES, LATE, SAMPLE_TIME, joint_pd
 from flexarm.integrate.lanes.stepper import LaneStepper
 from flexarm.model.paths import with_number
 from loop_runs import ARM, CHANNELS, DURATION, MOTION, RATE, SHORT, STARTS, Integral, compare
@@ -38,6 +38,7 @@ CONTROLLERS = {
     "fed forward": lambda: fa.ComputedTorque(
         ARM, 0.3, feedforward=fa.rigid_torque(ARM, MOTION), sample_time=SAMPLE_TIME
     ),
+    "with hardware": lambda: EXAMPLES["lqg"](hardware=LATE),
     "limited": lambda: EXAMPLES["joint_pid"](torque_limit=0.2, sag=False),
 }
 
@@ -50,6 +51,8 @@ def test_every_controller(reference, name, executed):
     hardware = None
     if name == "estimator":
         hardware = fa.Hardware(controller.estimator.instruments)
+    elif name == "with hardware":
+        hardware = LATE
     own = {"controller": controller, "reference": reference, "hardware": hardware}
     batch = fa.simulate_batch(ARM, initial=STARTS, channels=CHANNELS, threads=1, **own, **SHORT)
     assert executed == list(range(11))

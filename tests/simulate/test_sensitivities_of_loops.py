@@ -17,7 +17,7 @@ from flexarm.model.paths import number_at, number_paths, with_number
 from random_arms import random_spec
 
 sys.path.append(str(Path(__file__).parents[1] / "conformance"))
-from controller_examples import EXAMPLES, LIMIT, SAMPLE_TIME, example, two_links
+from controller_examples import EXAMPLES, LATE, LIMIT, SAMPLE_TIME, example, two_links
 
 pytestmark = [
     pytest.mark.compiled,
@@ -63,6 +63,7 @@ LINEAR = {
     "joint_pid with limits": {"arm": None, "sag": False, "torque_limit": [0.4, 0.15]},
     "strain_feedback": {},
     "lqg": {"torque_limit": [1e3, 1e3]},
+    "lqg with hardware": {"torque_limit": [1e3, 1e3], "hardware": LATE},
     "loop_shaping": {},
 }
 

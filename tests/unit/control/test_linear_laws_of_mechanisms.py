@@ -184,3 +184,16 @@ def test_closures_between_links_do_not_hold_a_free_base():
     coordinates = MinimalCoordinates(arm, [1], closed.joints)
     assert coordinates.drifting.tolist() == [base.place for base in arm.assembly.base]
     fa.LQG(arm, posture=closed.joints, actuated=[1], sample_time=1e-3)
+
+
+@pytest.mark.parametrize("case", [five_bar_from_its_motors, free_flyer])
+def test_designs_with_the_hardware_of_the_motors(case):
+    """Late motors make the loops of designs for ideal ones unstable."""
+    motors = fa.Motors(delay=1.5 * STEP, time_constant=2e-3)
+    hardware = fa.Hardware([fa.Instrument("joint_angle", rate_cutoff=80.0)], motors)
+    given = case()
+    growth = [
+        loop_at(given.law(**options), given.arm, given.posture, hardware).poles()[0].real
+        for options in ({}, {"hardware": hardware})
+    ]
+    assert growth[0] > 0.0 > growth[1]

@@ -10,8 +10,8 @@ from test_loop_margins import robust_arm
 import flexarm as fa
 from flexarm.control.analysis.sampled_loop import Response
 from flexarm.control.analysis.structured import _diagonal, _magnitude, dk_iteration
-from flexarm.control.design.linear_design import held
 from flexarm.control.design.loop_shaping import added_damping, in_series, shaping
+from flexarm.control.hardware.sampled_plant import held
 from flexarm.control.laws.robust_laws import uncertain_plant
 
 control = pytest.importorskip("control")

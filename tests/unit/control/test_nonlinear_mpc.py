@@ -7,7 +7,7 @@ from linear_arm import POSTURE, arm_with_gauges
 
 import flexarm as fa
 from arms import table_one_arm
-from flexarm.control.design.linear_design import held
+from flexarm.control.hardware.sampled_plant import held
 from flexarm.control.laws.mpc import with_modes
 from flexarm.linear.step_derivatives import sampled_step
 from flexarm.linear.step_derivatives.sampled_step import SampledSteps, Steps

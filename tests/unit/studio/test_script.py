@@ -74,6 +74,16 @@ def test_scripts_construct_every_controller(kind, tmp_path):
     np.testing.assert_array_equal(found.q, fa.run_scenario(project.scenario).q)
 
 
+def test_script_of_a_design_with_the_hardware_of_the_scenario(tmp_path):
+    project = short(PRESETS["two links"]()).edited(("drive", "kind"), "lqg")
+    project = project.edited(("hardware",), {"motors": {"delay": 0.001, "time_constant": 0.001}})
+    project = project.edited(("drive", "hardware"), True)
+    text = script_of(project)
+    assert text.count("fa.Motors(") == 1
+    found = run(text, tmp_path)["result"]
+    np.testing.assert_array_equal(found.q, fa.run_scenario(project.scenario).q)
+
+
 @pytest.mark.thorough
 def test_script_simulates_the_plant_of_a_study(tmp_path):
     from flexarm.cases.scenario.study import PreparedStudy

@@ -547,6 +547,12 @@ def _estimator(spec: Any, around: DriveContext) -> dict[str, Any]:
         return {"estimator": kind(around.arm, **options)}
 
 
+def _hardware(asked: bool, around: DriveContext) -> dict[str, Any]:
+    if asked and around.hardware is None:
+        raise InputError(Problem("hardware", "is required at the top of the file to design for it"))
+    return {"hardware": around.hardware} if asked else {}
+
+
 #: Drives without feedback whose torque can be a feedforward, by the value of the key.
 FEEDFORWARDS: dict[str, Callable[[], Any]] = {
     "rigid_inverse_dynamics": RigidInverseDynamicsDrive,
@@ -568,5 +574,6 @@ _MADE: dict[str, Callable[[Any, DriveContext], dict[str, Any]]] = {
         "arm": None if asked == "none" else around.arm,
         "sag": asked == "sag",
     },
+    "hardware": _hardware,
     "inner": _inner,
 }

@@ -113,7 +113,11 @@ def design_requirements(
     if torque is None:
         torque = typical_torque(arm, given.posture, rate)
     if measured is None:
-        measured = {name: noise for name, noise in NOISE.items() if name != "strain" or arm.gauges}
+        instruments = getattr(getattr(given, "hardware", None), "instruments", None)
+        gauged = bool(arm.gauges)
+        if instruments is not None:
+            gauged &= any(item.signal == "strain" for item in instruments)
+        measured = {name: noise for name, noise in NOISE.items() if name != "strain" or gauged}
     if disturbance is None:
         disturbance = {"torque": 0.1 * torque, "tip_force": 0.2 * np.max(torque) / reach}
     if integral is None or integral is False:

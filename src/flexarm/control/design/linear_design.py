@@ -12,8 +12,10 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.arguments import check_each
 from flexarm.base.errors import InputError, Problem, shown
+from flexarm.control.design.loop_hardware import LoopHardware, state_sizes
 from flexarm.control.design.minimal import MinimalCoordinates
 from flexarm.control.hardware.measurement import FloatArray
+from flexarm.control.hardware.sampled_plant import SampledPlant, held
 from flexarm.linear.models.state_space import INPUTS, LinearModel, component_places
 from flexarm.model.wording import nearest
 
@@ -33,7 +35,8 @@ class Design:
     """Gains at one posture.
 
     The state x is the deviation of (q, qd), n = 2 dof; z are k integrals. For mechanisms, read dof
-    as the number of `MinimalCoordinates`, and dof - joints as that of the unbalanced ones.
+    as the number of `MinimalCoordinates`, and dof - joints as that of the unbalanced ones. A design
+    with hardware adds the states of motors and instruments to x, and to n.
     """
 
     posture: FloatArray  # (joints,) rad
@@ -86,24 +89,6 @@ def sampled(
     return held(model.A, B, sample_time)
 
 
-def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, FloatArray]:
-    """Return A and B over a sample time (s), with zero-order-hold inputs; (C.22)."""
-    from scipy.linalg import expm, matrix_balance
-
-    n, m = B.shape
-    if sample_time == 0.0:  # a delay of whole samples leaves nothing of a sample
-        return np.eye(n), np.zeros((n, m))
-    # The exponential is accurate relative to its norm, so that no unit may dominate it.
-    scale = matrix_balance(A, permute=False, separate=True)[1][0][:, None]
-    pushed = B * sample_time / scale
-    size = np.abs(pushed).max(axis=0)
-    size = np.where(size > 0.0, size, 1.0)
-    whole = np.zeros((n + m, n + m))
-    whole[:n, :n], whole[:n, n:] = A * sample_time / scale * scale.T, pushed / size
-    moved = expm(whole)
-    return moved[:n, :n] * scale / scale.T, moved[:n, n:] * scale * size
-
-
 def rows_of(model: LinearModel, names: Sequence[str]) -> FloatArray:
     """Return the rows of C for the outputs of the named channels, in this order."""
     return np.asarray(model.C[component_places(model.outputs, names)])
@@ -125,8 +110,11 @@ def design(
     posture: FloatArray,
     requirements: DesignRequirements,
     sample_time: float,
+    hardware: LoopHardware | None = None,
 ) -> Design:
     """Design a regulator and a filter at rest in a posture, under gravity; (C.22) to (C.26).
+
+    The motors and instruments of ``hardware`` are states of the model.
 
     Raises:
         InputError: if a name is unknown, a number is not positive, or no gains are stabilising.
@@ -137,7 +125,8 @@ def design(
     integrated = dict(requirements.integrated)
     if CHORD in integrated:  # of the same components as the joint angles
         integrated["joint_angle"] = integrated.pop(CHORD)
-    listed = *requirements.acceptable, *requirements.measured, *integrated
+    signals = () if hardware is None else hardware.signals
+    listed = *requirements.acceptable, *requirements.measured, *signals, *integrated
     names = tuple(dict.fromkeys(listed))
     inputs = tuple(dict.fromkeys(["torque", *requirements.disturbance]))
     arm, elastic, unbalanced = coordinates.arm, coordinates.elastic, coordinates.unbalanced
@@ -147,7 +136,15 @@ def design(
     n, m = len(A), arm.n_joints
     # Passive joints have no torque: their columns of zeros leave their gains zero.
     B = B_all[:, :m] * coordinates.driven
+    sizes = coordinate_sizes(arm)[coordinates.chosen]
+    sizes = np.append(sizes, requirements.rate * sizes)
     C = rows_of(model, tuple(requirements.measured))
+    plant = SampledPlant([A], B, [C], sample_time, frames=n)
+    if hardware is not None:
+        rows = {name: rows_of(model, (name,)) for name in signals}
+        plant = hardware.plant(model.A, model.B[:, :m] * coordinates.driven, rows)
+        sizes = state_sizes(plant, sizes, requirements.acceptable_torque)
+    more = len(plant.A[0]) - n  # states of motors and instruments
     Z = sample_time * rows_of(model, tuple(integrated))
     if requirements.chords is not None:
         Z += sample_time * requirements.chords @ rows_of(model, ("strain",))
@@ -158,16 +155,11 @@ def design(
     scale = sizes_of("acceptable", model, requirements.acceptable)
     outputs = rows_of(model, tuple(requirements.acceptable)) / scale[:, None]
     windup = sizes_of("integral", model, integrated)
-    weight = block_diag(outputs.T @ outputs, np.diag(windup**-2.0))
+    weight = block_diag(outputs.T @ outputs, np.zeros((more, more)), np.diag(windup**-2.0))
     unsure = requirements.rigidity_uncertainty
     stiffness, bend_energy = bending(coordinates, model, requirements.acceptable_torque)
     weight[np.ix_(elastic, elastic)] += bend_weight(unsure, stiffness, bend_energy)
     torque_weight = np.diag(requirements.acceptable_torque**-2.0)
-    A_z = np.block([[A, np.zeros((n, len(Z)))], [Z, np.eye(len(Z))]])
-    B_z = np.vstack([B, np.zeros((len(Z), m))])
-    sizes = coordinate_sizes(arm)[coordinates.chosen]
-    sizes = np.append(sizes, requirements.rate * sizes)
-    gain, cost = regulator(A_z, B_z, weight, torque_weight, np.append(sizes, windup))
     strength = sizes_of("disturbance", model, requirements.disturbance)
     pushed = columns_of(model, tuple(requirements.disturbance), B_all) * strength
     # Covariance of torques and elastic forces that represent the model error: (C.39).
@@ -176,11 +168,50 @@ def design(
     torques = (requirements.recovery * requirements.acceptable_torque) ** 2
     unknown = B * torques @ B.T + _NOISE * unsure**2 * bend_energy * bent @ stiffness @ bent.T
     noise = np.diag(sizes_of("measured", model, requirements.measured) ** 2)
-    estimator, spread, seen = kalman(A, C, pushed @ pushed.T + unknown, noise, sizes)
+    disturbed = np.pad(pushed @ pushed.T + unknown, (0, more))
+    Z, forced = np.pad(Z, ((0, 0), (0, more))), np.pad(forced, ((0, more), (0, 0)))
+    gain, cost = _fed_back(plant, Z, weight, torque_weight, np.append(sizes, windup))
+    filtered = _estimated(plant, n, disturbed, noise, sizes)
     sag = np.delete(rest.q, arm.joint_index)
-    at_rest = posture, sag, A, B, forced
-    gains = gain, cost, weight, torque_weight
-    return Design(*at_rest, C, Z, *gains, estimator, spread, seen)
+    at_rest = posture, sag, plant.A[0], plant.B, forced
+    return Design(*at_rest, plant.C[0], Z, gain, cost, weight, torque_weight, *filtered)
+
+
+def _fed_back(
+    plant: SampledPlant,
+    integrated: FloatArray,
+    weight: FloatArray,
+    torque_weight: FloatArray,
+    sizes: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return gain and cost of the regulator with integrals; zero for states of instruments."""
+    n, k = len(plant.A[0]), len(integrated)
+    A = np.block([[plant.A[0], np.zeros((n, k))], [integrated, np.eye(k)]])
+    B = np.vstack([plant.B, np.zeros((k, plant.B.shape[1]))])
+    fed = np.r_[: plant.frames, n : n + k]
+    square = np.ix_(fed, fed)
+    gain, cost = np.zeros((plant.B.shape[1], n + k)), np.zeros((n + k, n + k))
+    gain[:, fed], cost[square] = regulator(
+        A[square], B[fed], weight[square], torque_weight, sizes[fed]
+    )
+    return gain, cost
+
+
+def _estimated(
+    plant: SampledPlant, states: int, disturbed: FloatArray, noise: FloatArray, sizes: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the results of `kalman`; zero for the states of motors, which are known.
+
+    ``states``: number of those of the arm.
+    """
+    A, C = plant.A[0], plant.C[0]
+    unsure = np.r_[:states, plant.frames : len(A)]
+    square = np.ix_(unsure, unsure)
+    gain, spread = np.zeros((len(A), len(C))), np.zeros(A.shape)
+    gain[unsure], spread[square], innovation = kalman(
+        A[square], C[:, unsure], disturbed[square], noise, sizes[unsure]
+    )
+    return gain, spread, innovation
 
 
 def bending(

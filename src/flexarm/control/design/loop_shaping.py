@@ -8,14 +8,17 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
-from flexarm.control.design.linear_design import held
+from flexarm.control.contract.base import JOINTS
+from flexarm.control.design.linear_design import rows_of
+from flexarm.control.design.loop_hardware import LoopHardware
 from flexarm.control.design.minimal import without_dry_friction
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.equilibrium import equilibrium
-from flexarm.model.drives.linear import LoopShapingParameters
+from flexarm.model import Hardware, Motors
+from flexarm.model.drives.linear import LoopShapingParameters, RobustParameters
 
 #: Zero of the shaped plant of a rigid arm, relative to the bandwidth: with this value the poles
 #: under unit feedback of its output are real and equal.
@@ -69,15 +72,15 @@ def shaped_design(
     slope[arm.dof :, arm.dof :] -= added_damping(arm, model, DAMPING * given.rigidity_uncertainty)
     bandwidth = np.asarray(given.bandwidth)
     root, shown = shaping(arm, posture, bandwidth)
-    late = round(given.delay / sample_time)
-    sampled = delayed(*held(slope, model.B, sample_time), shown @ model.C, late)
-    plant = bilinear(*sampled, sample_time)
+    hardware = given_hardware(given, sample_time)
+    design = hardware.plant(slope, model.B, joint_rows(model), whole=True)
+    plant = bilinear(design.A[0], design.B, shown @ design.C[0], sample_time)
     weight = _weight(root, np.asarray(given.integral))
     A, B, C, D, margin, best = coprime_controller(*in_series(plant, weight), given.suboptimality)
     A, B, C, D = in_series(weight, (A, B, C, D))
     whole = A, B @ shown, C, D @ shown
     A, B, C, D, _ = cont2discrete(whole, sample_time, method="bilinear")
-    growth = sampled_growth(model, (A, B, C, D), sample_time, late)
+    growth = sampled_growth(model, (A, B, C, D), hardware)
     return ShapedDesign(posture, A, B, C, D, margin, best, growth)
 
 
@@ -89,29 +92,27 @@ def shaping(arm: Arm, posture: FloatArray, bandwidth: FloatArray) -> tuple[Float
     return root, shown
 
 
-def delayed(
-    A: FloatArray, B: FloatArray, C: FloatArray, samples: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a sampled model whose inputs act whole samples later."""
-    (n, m), size = B.shape, len(A) + samples * B.shape[1]
-    if not samples:
-        return A, B, C
-    whole = np.eye(size, k=m)
-    whole[:n] = np.hstack([A, B, np.zeros((n, size - n - m))])
-    return whole, np.eye(size)[:, size - m :], np.hstack([C, np.zeros((len(C), size - n))])
+def given_hardware(given: RobustParameters, sample_time: float) -> LoopHardware:
+    """Return the hardware of a design, whose ``delay`` is one of the motors in whole samples."""
+    hardware = getattr(given, "hardware", None)
+    if hardware is None:
+        late = round(getattr(given, "delay", 0.0) / sample_time)
+        hardware = Hardware(motors=Motors(delay=late * sample_time))
+    return LoopHardware(hardware, JOINTS, sample_time)
 
 
-def sampled_growth(
-    model: LinearModel, controller: Matrices, sample_time: float, late: int = 0
-) -> float:
-    """Return the largest real part of the poles (1/s) of an arm with a sampled controller.
+def joint_rows(model: LinearModel) -> dict[str, FloatArray]:
+    """Return the rows of C for the joint angles and rates."""
+    return {name: rows_of(model, (name,)) for name in JOINTS}
 
-    The torques act ``late`` samples later.
-    """
+
+def sampled_growth(model: LinearModel, controller: Matrices, hardware: LoopHardware) -> float:
+    """Return the largest real part of the poles (1/s) of an arm with a sampled controller."""
     A, B, C, D = controller
-    plant, pushed, shown = delayed(*held(model.A, model.B, sample_time), model.C, late)
-    loop = np.block([[plant + pushed @ D @ shown, pushed @ C], [B @ shown, A]])
-    return float(np.log(np.abs(np.linalg.eigvals(loop)).max())) / sample_time
+    plant = hardware.plant(model.A, model.B, joint_rows(model), whole=True)
+    pushed, shown = plant.B, plant.C[0]
+    loop = np.block([[plant.A[0] + pushed @ D @ shown, pushed @ C], [B @ shown, A]])
+    return float(np.log(np.abs(np.linalg.eigvals(loop)).max())) / plant.sample_time
 
 
 def added_damping(arm: Arm, model: LinearModel, ratio: float) -> FloatArray:

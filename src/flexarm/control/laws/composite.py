@@ -16,12 +16,12 @@ from flexarm.control.design.linear_design import (
     bend_weight,
     bending,
     check_names,
-    held,
     regulated,
     regulator,
     rows_of,
     sizes_of,
 )
+from flexarm.control.hardware.sampled_plant import held
 from flexarm.control.laws.lqg import LQG
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model.arm.spec import UNDRIVEN
@@ -51,7 +51,7 @@ class FastDesign:
     """Fast part of a `Composite` controller at one posture, with k elastic coordinates."""
 
     frequency: FloatArray  # (k,) of the boundary layer, rad/s, lowest first
-    flexibility: FloatArray  # (k, k) elastic coordinates per elastic force
+    force_gain: FloatArray  # (joints, k), torque of the whole gain per elastic force
     A: FloatArray  # (2 k, 2 k) of the sampled boundary layer
     B: FloatArray  # (2 k, joints)
     gain: FloatArray  # (joints, 2 k) of the fast part
@@ -153,7 +153,6 @@ class Composite(CompositeParameters, LQG):
         sizes = np.outer([1.0, needs.rate], coordinate_sizes(arm)).ravel()
         gain, cost = regulator(A, B, weighed, price, sizes[moved])
         frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
-        fast = FastDesign(frequency, flexibility, A, B, gain, cost)
         rigid, coupling = M[np.ix_(joints, joints)], M[np.ix_(joints, elastic)]
         # Gravity adds a stiffness, as the sag of the links depends on the joint angles: (C.38).
         whole = model.stiffness
@@ -162,7 +161,7 @@ class Composite(CompositeParameters, LQG):
         # Slow angles as a function of the state, without the bending due to acceleration: (C.35).
         carried = np.linalg.solve(rigid, coupling)
         alone = np.linalg.inv(np.eye(arm.n_joints) + carried @ sag)
-        width = 2 * arm.dof + len(item.integrated)
+        n, width = 2 * arm.dof, 2 * arm.dof + len(item.integrated)
         slow, rate, summed = np.zeros((3, arm.n_joints, width))
         slow[:, joints], slow[:, elastic] = alone, alone @ carried
         rate[:, arm.dof + joints], rate[:, arm.dof + elastic] = alone, alone @ carried
@@ -183,10 +182,25 @@ class Composite(CompositeParameters, LQG):
         swing = np.zeros((2 * k, width))
         swing[np.arange(2 * k), moved] = 1.0
         swing[:k] -= bend @ request + sag @ slow
-        return fast, replace(item, gain=gain @ swing - rigid @ request - weight @ slow)
+        whole = gain @ swing - rigid @ request - weight @ slow
+        # Elastic forces bend the links to the slow manifold, which is no error: (C.37).
+        force_gain = -whole[:, elastic] @ flexibility
+        fast = FastDesign(frequency, force_gain, A, B, gain, cost)
+        # The gain of the state at the time when the motors have reached the torque.
+        parts = whole[:, :n] @ self._predicted_state(item)[:n], whole[:, n:]
+        return fast, replace(item, gain=np.hstack(parts))
+
+    def _predicted_state(self, item: Design) -> FloatArray:
+        """Return the map of a state to that after the lag of the motors, by the hardware's states.
+
+        Requests until then are the nominal ones; whole samples of delay are predicted by `LQG`.
+        """
+        ahead = 0.0 if self._hardware is None else self._hardware.lead - self._hardware.delayed
+        whole = int(ahead)
+        first = np.linalg.matrix_power(item.A, whole)
+        return first + (ahead - whole) * (item.A @ first - first) if ahead else np.eye(len(first))
 
     def _known_force_gain(self, item: Design) -> FloatArray:
         """Return the gain of elastic forces, whose bending belongs to the slow manifold: (C.37)."""
         at = [np.array_equal(item.posture, other.posture) for other in self.designs].index(True)
-        bent = item.gain[:, self._model.elastic] @ self.fast_designs[at].flexibility
-        return -bent[:, None, :]
+        return self.fast_designs[at].force_gain[:, None, :]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import KW_ONLY
@@ -36,6 +37,7 @@ from flexarm.control.design.linear_design import (
     design,
     preview_gain,
 )
+from flexarm.control.design.loop_hardware import OF_DESIGN, LoopHardware, refuse_both
 from flexarm.control.design.minimal import MinimalCoordinates, refuse_damped_drift
 from flexarm.control.design.nominal import (
     FlexibleModel,
@@ -46,6 +48,7 @@ from flexarm.control.design.nominal import (
     PreviewedReference,
     RecordedRun,
 )
+from flexarm.model import Hardware
 from flexarm.model.drives.linear import LQGParameters
 
 #: Number of intervals of the preview, its most samples, which take a minute to compute, and its
@@ -83,9 +86,11 @@ class LQG(LQGParameters, OfArm, Controller):
         default=None,
         description="Result of ``simulate`` that replaces the reference as nominal motion.",
     )
+    hardware: Hardware | None = Field(default=None, description=OF_DESIGN)
 
     def __post_init__(self) -> None:
         arm = self.arm
+        refuse_both(self)
         self.posture = np.zeros(arm.n_joints) if self.posture is None else np.array(self.posture)
         # The property reads another attribute, which the design sets.
         rate = typical_rate(arm, vars(self)["sample_time"])
@@ -142,15 +147,16 @@ class LQG(LQGParameters, OfArm, Controller):
         """Design the controller of each posture for a sample time (s)."""
         with one_warning():
             check_sample_time(self.arm, sample_time, getattr(self, "bandwidth", None))
-            self._sample_time = sample_time
+            self._sample_time, self._hardware = sample_time, None
+            if self.hardware is not None:
+                measured = tuple(self.design_requirements.measured)
+                self._hardware = LoopHardware(self.hardware, measured, sample_time)
             self.designs = self._design_all()
             self._prepare()
 
     def _design_all(self) -> tuple[Design, ...]:
-        return tuple(
-            design(self._coordinates, posture, self.design_requirements, self._sample_time)
-            for posture in self._grid.postures
-        )
+        common = self.design_requirements, self._sample_time, self._hardware
+        return tuple(design(self._coordinates, posture, *common) for posture in self._grid.postures)
 
     def _known_force_gain(self, item: Design) -> FloatArray:
         """Return the torque per previewed elastic force, (joints, nodes, forces)."""
@@ -169,10 +175,31 @@ class LQG(LQGParameters, OfArm, Controller):
         self._stride = max(1, -(-samples // _NODES))
         self._previewed = self._stride * (-(-samples // self._stride))
         self._delayed = round(self.delay / self._sample_time)
+        self._lead = float(self._delayed)
+        signals = measured = tuple(self.design_requirements.measured)
+        self._frames: tuple[FloatArray, FloatArray, FloatArray] | None = None
+        if self._hardware is not None:
+            self._delayed, self._lead = self._hardware.delayed, self._hardware.lead
+            signals = self._hardware.signals
+            frames = self._hardware.nominal({name: self._size(name) for name in signals})
+            self._frames = frames if len(frames[2]) else None
+        self._arm_states = 2 * self._coordinates.chosen.size
+        self._motor_end = self._states - (0 if self._frames is None else len(self._frames[2]))
+        self._places, self._signal_places = self._slices(measured), self._slices(signals)
+        self._shown = partial(self._model.readings, signals)
         self._arrays = Interpolated(self._grid, [self._node(item) for item in self.designs])
         self._motion = self._nominal_motion()
         self._joints = self.arm.n_joints
         self.reset()
+
+    def _size(self, name: str) -> int:
+        """Return the number of components of a channel that may be measured."""
+        return int(self._model.readings((name,), *np.zeros((2, 1, self.arm.dof))).shape[1])
+
+    def _slices(self, names: Sequence[str]) -> dict[str, slice]:
+        """Return the places of channels in a row of their components, by name."""
+        ends = np.cumsum([self._size(name) for name in names]).tolist()
+        return dict(zip(names, map(slice, [0, *ends], ends), strict=False))
 
     def _node(self, item: Design) -> list[FloatArray]:
         """Return the arrays that are interpolated over posture; (C.22) to (C.27)."""
@@ -185,14 +212,15 @@ class LQG(LQGParameters, OfArm, Controller):
     @property
     def _steps(self) -> int:
         """Number of samples of the nominal motion to compute, including the current one."""
-        return self._delayed + self._previewed + 1
+        return math.ceil(self._lead) + self._previewed + 1
 
     def _nominal_motion(self) -> PreviewedReference | RecordedRun:
-        shown = partial(self._model.readings, tuple(self.design_requirements.measured))
         if self.nominal is not None:
-            return RecordedRun(self._model, self.nominal, self.sample_time, self._steps, shown)
+            return RecordedRun(
+                self._model, self.nominal, self.sample_time, self._steps, self._shown
+            )
         sag = Interpolated(self._grid, [[item.sag] for item in self.designs])
-        return PreviewedReference(self._model, sag, self.sample_time, self._steps, shown)
+        return PreviewedReference(self._model, sag, self.sample_time, self._steps, self._shown)
 
     def reset(self) -> None:
         """Clear the estimate, the integrals and the nominal motion."""
@@ -210,7 +238,8 @@ class LQG(LQGParameters, OfArm, Controller):
     @property
     def estimate(self) -> FloatArray:
         """Deviation (2 dof,) from the nominal motion; of a mechanism's independent coordinates."""
-        return np.array(self.memory.get("estimate", np.zeros(self._states)))
+        states = self._arm_states
+        return np.array(self.memory.get("estimate", np.zeros(states))[:states])
 
     def planned(self, t: float, reference: Reference) -> Arrays:
         """Return the nominal motion, and its elastic forces at the nodes of the preview.
@@ -223,7 +252,7 @@ class LQG(LQGParameters, OfArm, Controller):
         nominal, late, forces = self._motion.at(t, reference), self._delayed, self._motion.missing
         inputs = {
             "nominal_angle": nominal.angle,
-            "nominal_torque": self._motion.torques(late + 1)[late] if late else nominal.torque,
+            "nominal_torque": self._nominal_torques(1)[0],
             "nominal_reading": nominal.shown,
             "nominal_force": forces[late : late + self._previewed + 1 : self._stride],
         }
@@ -233,19 +262,41 @@ class LQG(LQGParameters, OfArm, Controller):
             inputs["nominal_tip"] = self._desired_tip(nominal)
         return inputs
 
+    def _nominal_torques(self, count: int) -> FloatArray:
+        """Return the nominal torques (count, joints) to request from the current sample on, N m."""
+        whole = math.floor(self._lead)
+        part = self._lead - whole
+        torques = self._motion.torques(whole + count + (part > 0.0))[whole:]
+        # Between samples linearly: the motors then reach the nominal torque to second order.
+        return torques if part == 0.0 else (1.0 - part) * torques[:-1] + part * torques[1:]
+
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
-        first = readings[next(iter(self.design_requirements.measured))]
-        start = np.zeros((*first.shape[:-1], self._states + self._integrals))
+        runs = readings[next(iter(self.design_requirements.measured))].shape[:-1]
+        start = np.zeros((*runs, self._states + self._integrals))
         state, integral = start[..., : self._states], start[..., self._states :]
         memory = {"prediction": state, "estimate": state, "integral": integral}
         if self._delayed:  # requested deviations that do not act yet
-            memory["waiting"] = np.zeros((*first.shape[:-1], self._delayed * self._joints))
+            memory["waiting"] = np.zeros((*runs, self._delayed * self._joints))
+        if self._hardware is not None:  # its motors have no torque yet
+            missing = np.broadcast_to(-inputs["nominal_torque"], (*runs, self._joints))
+            before, after = (
+                start[..., : self._arm_states],
+                start[..., self._motor_end : self._states],
+            )
+            motors = (self._motor_end - self._arm_states) // self._joints
+            memory["prediction"] = np.concatenate([before, *[missing] * motors, after], axis=-1)
+            if self._delayed:
+                memory["waiting"] = np.concatenate([missing] * self._delayed, axis=-1)
+        if self._frames is not None:
+            frames = applied(self._frames[2], inputs["nominal_reading"])
+            memory["_frames"] = np.broadcast_to(frames, (*runs, frames.shape[-1]))
         return memory
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         arrays = self._arrays.at(inputs["nominal_angle"])
         correct, gain, predict = arrays[:3]
         shown = [readings[name] for name in self.design_requirements.measured]
+        inputs, frames = self._nominal_readings(memory, inputs)
         missed = np.concatenate(shown, axis=-1) - inputs["nominal_reading"]
         estimate = applied(correct, np.concatenate([memory["prediction"], missed], axis=-1))
         parts = self._predicted(estimate, memory, predict, inputs), memory["integral"]
@@ -268,7 +319,24 @@ class LQG(LQGParameters, OfArm, Controller):
             # that the law is also evaluated over symbols.
             integral = integral + (applied(request, desired - torque) <= 0.0) * rise
         after = {"prediction": applied(predict, pushed), "estimate": estimate, "integral": integral}
-        return {**after, **more}, torque
+        return {**after, **frames, **more}, torque
+
+    def _nominal_readings(self, memory: Arrays, inputs: Arrays) -> tuple[Arrays, Arrays]:
+        """Return the inputs with the nominal readings of instruments, and their frames."""
+        if self._frames is None:
+            return inputs, {}
+        by_signal, by_frame, settled = self._frames
+        exact = inputs["nominal_reading"]
+        both = applied(by_signal, exact) + applied(by_frame, memory["_frames"])
+        frames, late = both[..., : len(settled)], both[..., len(settled) :]
+        inputs = {**inputs, "nominal_reading": late}
+        # Integrals are those of the readings, so that their desired values are late, too.
+        if "joint_angle" in self._places:
+            inputs["nominal_angle"] = late[..., self._places["joint_angle"]]
+        if "nominal_tip" in inputs:
+            moved = late[..., self._places["tip"]] - exact[..., self._signal_places["tip"]]
+            inputs["nominal_tip"] = inputs["nominal_tip"] + moved
+        return inputs, {"_frames": frames}
 
     def _predicted(
         self, estimate: FloatArray, memory: Arrays, predict: FloatArray, inputs: Arrays
@@ -312,11 +380,9 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def _chord_error(self, readings: Measurement, inputs: Arrays) -> FloatArray:
         """Return the errors (joints,) of the angles between the chords of the links, rad."""
-        requirements, chords = self.design_requirements, self.design_requirements.chords
+        chords = self.design_requirements.chords
         assert chords is not None  # the designs integrate the chords
-        before = list(requirements.measured)[: list(requirements.measured).index("strain")]
-        start = sum(readings[name].shape[-1] for name in before)
-        nominal = inputs["nominal_reading"][start : start + chords.shape[1]]
+        nominal = inputs["nominal_reading"][..., self._places["strain"]]
         bent = applied(chords, readings.strain - nominal)
         error: FloatArray = readings.joint_angle - inputs["nominal_angle"] + bent
         return error
@@ -332,7 +398,8 @@ class LQG(LQGParameters, OfArm, Controller):
 
         Args:
             plant: arm with the same number of joints; None for the model. The state of the loop is
-                the state of the plant, the estimate and the integrals.
+                the state of the plant, the estimate and the integrals, with the ``hardware`` of
+                the design.
             posture: (joints,) rad; None for the posture of the design.
 
         Poles with negative real parts are stable. Poles are ``log(z) / sample_time``, so vibrations
@@ -349,7 +416,7 @@ class LQG(LQGParameters, OfArm, Controller):
         posture = self.posture if posture is None else posture
         at = check_array("posture", posture, (self.arm.n_joints,))
         with one_warning():
-            poles: FloatArray = loop_at(self, plant, at).poles()
+            poles: FloatArray = loop_at(self, plant, at, self.hardware).poles()
         return poles
 
     @classmethod
@@ -391,7 +458,7 @@ class LQG(LQGParameters, OfArm, Controller):
         with one_warning():
             for unsure, recovery in _TRIED:
                 made = cls(arm, posture, rigidity_uncertainty=unsure, recovery=recovery, **options)
-                margin = _least(made.at_rest(), arms, postures, best)
+                margin = _least(made.at_rest(), arms, postures, best, made.hardware)
                 if margin >= required:
                     break
                 if margin > best:
@@ -422,12 +489,17 @@ _TRIED = tuple(
 
 
 def _least(
-    controller: Controller, arms: Sequence[Arm], postures: ArrayLike | None, enough: float
+    controller: Controller,
+    arms: Sequence[Arm],
+    postures: ArrayLike | None,
+    enough: float,
+    hardware: Hardware | None = None,
 ) -> float:
     """Return the least disk margin of several arms; stop early once it is at most ``enough``."""
     least = 2.0
     for arm in arms:
-        least = min(least, float(loop_margins(controller, arm, postures).disk_margin.min()))
+        margins = loop_margins(controller, arm, postures, hardware=hardware)
+        least = min(least, float(margins.disk_margin.min()))
         if least <= enough:
             break
     return least

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import deepcopy
 from inspect import signature
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -110,8 +110,8 @@ class MPC(MPCParameters, LQG):
     def planned(self, t: float, reference: Reference) -> Arrays:
         """Return the inputs of `LQG`, and elastic forces and nominal torques over the horizon."""
         inputs = super().planned(t, reference)
-        forces, torques = self._motion.missing, self._motion.torques(self.horizon)
-        return {**inputs, "forces_ahead": forces, "torques_ahead": torques}
+        forces, torques = self._motion.missing, self._nominal_torques(self.horizon)
+        return {**inputs, "forces_ahead": forces[self._delayed :], "torques_ahead": torques}
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         return {**super().initial_memory(readings, inputs), **self._first_plan()}
@@ -309,6 +309,7 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
 
     references = "DiehlBockSchloeder2005 LawsonHanson1974"
     _unsupported = UNDRIVEN
+    hardware: ClassVar[None] = None  # type: ignore[misc]
 
     def __post_init__(self) -> None:
         if self.actuated is not None:

@@ -36,7 +36,7 @@ from flexarm.control.contract.base import (
 )
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import BANDWIDTH, check_sample_time, typical_rate
-from flexarm.control.design.linear_design import held
+from flexarm.control.design.loop_hardware import OF_DESIGN, refuse_both
 from flexarm.control.design.loop_shaping import (
     DAMPING,
     Matrices,
@@ -44,16 +44,19 @@ from flexarm.control.design.loop_shaping import (
     added_damping,
     bilinear,
     coprime_controller,
+    given_hardware,
     sampled_growth,
     shaped_design,
     shaping,
 )
 from flexarm.control.design.minimal import without_dry_friction
 from flexarm.control.design.nominal import Interpolated, PostureGrid
+from flexarm.control.hardware.sampled_plant import held
 from flexarm.control.laws.joint_laws import JointFollower
 from flexarm.linear.models.linearize import linearize
 from flexarm.linear.models.state_space import LinearModel
 from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.model import Hardware
 from flexarm.model.drives.linear import (
     LoopShapingParameters,
     MuSynthesisParameters,
@@ -133,6 +136,9 @@ class LoopShaping(RobustFollower, LoopShapingParameters):
             ``rigidity_uncertainty``, is unstable.
     """
 
+    _: KW_ONLY
+    hardware: Hardware | None = Field(default=None, description=OF_DESIGN)
+
     @property
     def analytic(self) -> bool:  # type: ignore[override]
         """Whether ``step`` accepts complex numbers, over which gains are not interpolated."""
@@ -141,6 +147,7 @@ class LoopShaping(RobustFollower, LoopShapingParameters):
     references: ClassVar[str] = "McFarlaneGlover1992 HydeGlover1993 CollinsKingBernstein1992"
 
     def _design_for(self, sample_time: float) -> None:
+        refuse_both(self)
         check_sample_time(self.arm, sample_time, self.bandwidth)
         self._grid = PostureGrid(np.asarray(self.posture), self.schedule)
         self._sample_time = sample_time
@@ -263,7 +270,7 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
         sampled = cont2discrete(whole, self.sample_time, method="bilinear")[:4]
         self.A, self.B, self.C, self.D = sampled
         self._states = len(self.A)
-        growth = sampled_growth(plant.model, sampled, self.sample_time)
+        growth = sampled_growth(plant.model, sampled, given_hardware(self, self.sample_time))
         if growth * self.sample_time > _ROUNDING:
             text = (
                 f"The loop with the arm itself is unstable: deviations grow by {growth:.3g} 1/s. "

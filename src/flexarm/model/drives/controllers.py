@@ -24,10 +24,10 @@ from flexarm.model.drives.base import (
     drive_of,
 )
 from flexarm.model.drives.linear import (
-    CompositeParameters,
-    LoopShapingParameters,
-    LQGParameters,
-    MPCParameters,
+    CompositeKeys,
+    LoopShapingKeys,
+    LQGKeys,
+    MPCKeys,
     MuSynthesisParameters,
     NonlinearMPCParameters,
 )
@@ -419,11 +419,11 @@ _DECLARED: dict[str, tuple[type[ControllerParameters], ...]] = {
         StrainFeedbackParameters,
     ),
     "linear models of the flexible arm": (
-        LQGParameters,
-        MPCParameters,
+        LQGKeys,
+        MPCKeys,
         NonlinearMPCParameters,
-        CompositeParameters,
-        LoopShapingParameters,
+        CompositeKeys,
+        LoopShapingKeys,
         MuSynthesisParameters,
     ),
     "uncertain arms": (

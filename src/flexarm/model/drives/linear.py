@@ -73,7 +73,8 @@ class LinearParameters(ControllerParameters):
     sample time; 0.0064 rad in one for rigid arms."""
     measured: Named[_PositiveNumbers] | None = None
     """Measured signals (joint_angle, joint_rate, strain, tip) and the standard deviations of their
-    noise; by default 0.1 mrad of joint_angle, and 2e-5 of strain if the arm has gauges."""
+    noise; by default 0.1 mrad of joint_angle, and 2e-5 of strain if the arm has gauges, and the
+    hardware of the design, if given, an instrument of them."""
     disturbance: Named[_PositiveNumbers] | None = None
     """Inputs that act as unmeasured disturbances, such as torque and tip_force, and their standard
     deviations; by default a tenth of the acceptable torque, and as tip_force a fifth of the largest
@@ -173,6 +174,26 @@ class CompositeParameters(LinearParameters):
     times the typical rate."""
 
 
+class _HardwareKeys(ControllerParameters):
+    """Key of the drives whose design may include the hardware of the scenario."""
+
+    hardware: Annotated[Any, Typed(Flag | None)] = None
+    """Whether the motors and instruments of the scenario are part of the design: their delays, lag
+    and filtered rates are states of its model. Cannot be combined with delay."""
+
+
+class LQGKeys(_HardwareKeys, LQGParameters):
+    """Keys of the drive `lqg`."""
+
+
+class MPCKeys(_HardwareKeys, MPCParameters):
+    """Keys of the drive `mpc`."""
+
+
+class CompositeKeys(_HardwareKeys, CompositeParameters):
+    """Keys of the drive `composite`."""
+
+
 class RobustParameters(ControllerParameters):
     """Parameters of the robust controllers of joint angles and rates."""
 
@@ -206,6 +227,10 @@ class LoopShapingParameters(RobustParameters):
     """For each joint nothing, or increasing angles: designs on the grid of these angles, between
     which the controllers are interpolated (rad)."""
     sample_time: SampleTime = 0.001
+
+
+class LoopShapingKeys(_HardwareKeys, LoopShapingParameters):
+    """Keys of the drive `loop_shaping`."""
 
 
 class MuSynthesisParameters(RobustParameters):

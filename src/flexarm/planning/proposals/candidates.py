@@ -247,7 +247,7 @@ def _shaping(needs: Requirements) -> Iterator[Drive]:
             "kind": "loop_shaping",
             "bandwidth": rounded([bandwidth])[0],
             "rigidity_uncertainty": max(_SOME, needs.rigidity) if damped else 0.0,
-            "delay": needs.delay,
+            "hardware": True,
             **({"integral": rounded([_SHAPED_INTEGRAL * bandwidth])[0]} if integral else {}),
             **_designs(needs),
             "sample_time": needs.sample_time,
@@ -283,8 +283,7 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
     if kind == "mpc":
         common["sample_time"] = max(common["sample_time"], _SLOW_SAMPLE_TIME)
     least = max(_SOME, needs.rigidity)
-    if kind != "mpc":
-        common["delay"] = needs.delay
+    common["hardware"] = True
     tried = [(least, 0.0), (max(0.3, least), 0.0), (max(0.3, least), 1.0), (1.0, 1.0)]
     torque = np.array(common["acceptable_torque"])
     for gentle, noisy in _GENTLE:

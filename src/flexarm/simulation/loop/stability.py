@@ -14,7 +14,6 @@ from flexarm.control.analysis.linear_controller import FrozenReference
 from flexarm.control.analysis.margins import without_friction
 from flexarm.control.analysis.sampled_loop import (
     PlantModel,
-    Signal,
     instruments_of,
     loop_of,
     model_at,
@@ -24,6 +23,7 @@ from flexarm.control.analysis.sampled_loop import (
 from flexarm.control.contract.base import Controller, Reference, has_poles
 from flexarm.control.design.rigid_model import values_of
 from flexarm.control.hardware.measurement import FloatArray
+from flexarm.control.hardware.sampled_plant import Signal
 from flexarm.model import Contact, Hardware, Instrument, Sensor
 from flexarm.simulation.run.changes import ChangedArm
 

@@ -126,6 +126,10 @@ class _Writer:
         if made:
             yield f"bent = {made}"
         if isinstance(scenario.drive, ControllerDrive):
+            if scenario.hardware is not None and _designed_for_hardware(scenario.drive):
+                yield self._call("hardware", "fa.Hardware", _given(scenario.hardware))
+                if options["hardware"] == scenario.hardware:
+                    options["hardware"] = _Code("hardware")
             yield from self._controller("controller", scenario.drive, of, torque)
             options["controller"] = _Code("controller")
             if scenario.motion is not None:
@@ -178,6 +182,8 @@ class _Writer:
         if "inner" in given:
             yield from self._controller("inner", given["inner"], of, torque)
             given["inner"] = _Code("inner")
+        if given.pop("hardware", False):
+            given["hardware"] = _Code("hardware")
         gravity = given.pop("gravity", "none")
         if gravity != "none":
             given |= {"arm": _Code("arm")} | ({"sag": True} if gravity == "sag" else {})
@@ -239,6 +245,14 @@ class _Writer:
             return f"fa.{kind.__name__}"
         self.names.setdefault(kind.__module__, set()).add(kind.__name__)
         return kind.__name__
+
+
+def _designed_for_hardware(drive: Any) -> bool:
+    """Return whether the design of a controller, or of one inside it, includes the hardware."""
+    inner = getattr(drive, "inner", None)
+    return bool(getattr(drive, "hardware", None)) or (
+        inner is not None and _designed_for_hardware(inner)
+    )
 
 
 def _given(record: Record, names: Collection[str] = ()) -> dict[str, Any]:
