@@ -1,5 +1,7 @@
 """Linear designs whose model has the motors and instruments: delays, lag and filtered rates."""
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
@@ -194,6 +196,20 @@ DRIVES = {
     "composite": (fa.Composite, {}),
     "loop_shaping": (fa.LoopShaping, {}),
 }
+
+
+def test_instability_by_the_drive_names_the_cure():
+    rod = {"flexural_rigidity": 60.0, "mass_per_length": 0.6, "elements": 2, "damping": 0.01}
+    arm = chain([1.0], [0.05], **rod, payload=0.2)
+    motors = fa.Motors(delay=TICK, time_constant=2.0 * TICK)
+    hardware = fa.Hardware(instruments=[fa.Instrument("joint_angle")], motors=motors)
+    options = {"reference": fa.joint_motion(arm, [0.0], [0.0], 0.1), "hardware": hardware}
+    encoder = {"measured": {"joint_angle": 1e-4}}
+    with pytest.warns(fa.UnstableLoopWarning, match="stable: design it with hardware="):
+        fa.simulate(arm, 0.02, controller=fa.LQG(arm, **encoder), **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fa.simulate(arm, 0.02, controller=fa.LQG(arm, hardware=hardware, **encoder), **options)
 
 
 @pytest.mark.parametrize("kind", DRIVES)

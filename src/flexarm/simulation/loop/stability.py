@@ -126,6 +126,11 @@ def stability(
     text = describe_instability(poles, loop.controller.sample_time)
     if not text:
         return Stability("", growth)
+    if loop.hardware is not None and getattr(loop.controller, "hardware", loop) is None:
+        poles = loop_poles(loop._replace(hardware=None))
+        if poles and max(pole.growth for pole in poles) <= 0.0:
+            text += " With ideal motors and instruments it is stable: design it with hardware=."
+            return Stability(text, growth)
     for cured, cure in with_inertia(loop.plant):
         poles = loop_poles(loop._replace(plant=cured))
         if poles and max(pole.growth for pole in poles) <= 0.0:
