@@ -1,5 +1,7 @@
 """Laws that run as programs: the same numbers as their steps in Python, to the last bit."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from controller_examples import EXAMPLES, example, two_links
@@ -18,12 +20,13 @@ pytestmark = [
 ]
 ARM = two_links()
 MOTION = fa.joint_motion(ARM, [0.4, 0.1], [0.5, 0.0], 0.1)
-#: Laws of matrices and elementary operations. The others solve a problem at every sample, call
-#: kernels of a model, or use functions that NumPy rounds otherwise than compiled code.
+#: Laws of matrices, elementary operations and terms of a model. The others solve a problem at every
+#: sample, decide on numbers, or use functions that NumPy rounds otherwise than compiled code.
 PROGRAMMED = {
-    *("composite", "integral_resonant_control", "joint_pd", "loop_shaping", "lqg"),
-    *("mu_synthesis", "output_redefinition", "positive_position_feedback", "strain_feedback"),
-    "wave_based_control",
+    *("adaptive", "composite", "computed_torque", "disturbance_observer"),
+    *("integral_resonant_control", "joint_pd", "joint_pid", "loop_shaping", "lqg"),
+    *("mu_synthesis", "output_redefinition", "positive_position_feedback", "sliding_mode"),
+    *("strain_feedback", "wave_based_control"),
 }
 
 
@@ -49,11 +52,11 @@ def test_laws_with_programs(name):
     assert (program_after_a_sample(controller) is not None) == (name in PROGRAMMED)
 
 
-def simulated(monkeypatch, programmed, controller, **options):
+def simulated(monkeypatch, programmed, controller, arm=ARM, **options):
     monkeypatch.setattr(ClosedLoop, "_is_programmed", programmed)
     monkeypatch.setattr(programmed_samples, "_WORTH", 2)
-    options = {"reference": MOTION, "initial": ARM.rest([0.4, 0.1]), **options}
-    return fa.simulate(ARM, 0.1, controller=controller, **options)
+    options = {"reference": MOTION, "initial": arm.rest([0.4, 0.1]), **options}
+    return fa.simulate(arm, 0.1, controller=controller, **options)
 
 
 def assert_equal_runs(one, other):
@@ -79,6 +82,50 @@ def test_program_equals_the_step(monkeypatch, name, reference):
     for key, value in python.memory.items():
         np.testing.assert_array_equal(value, program.memory[key], err_msg=key)
         assert np.asarray(value).dtype == np.asarray(program.memory[key]).dtype
+
+
+GRAVITY = fa.Arm(ARM.spec.replace(gravity=(0.0, -9.81)))
+RATE = {"sample_time": 4e-3}
+
+
+def pid(**options):
+    return fa.JointPID([8.0, 3.0], [0.8, 0.3], [2.0, 1.0], arm=GRAVITY, **RATE, **options)
+
+
+def computed_torque():
+    return fa.ComputedTorque(GRAVITY, 0.3, 0.5, **RATE)
+
+
+#: Arguments of laws that use other terms of their model.
+VARIANTS = {
+    "gravity": pid,
+    "gravity with sag": partial(pid, sag=True),
+    "gravity within limits": partial(pid, torque_limit=[0.4, 0.1]),
+    "mass matrix": lambda: fa.ComputedTorque(
+        GRAVITY, 0.3, 0.5, feedforward=fa.rigid_torque(GRAVITY, MOTION), **RATE
+    ),
+    "momentum with gravity": lambda: fa.DisturbanceObserver(GRAVITY, example("joint_pd"), 0.2),
+    "friction": lambda: fa.Adaptive(GRAVITY, 2.0, [0.8, 0.2], 0.003, "friction", **RATE),
+}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_terms_of_a_model(monkeypatch, name):
+    python, program = VARIANTS[name](), VARIANTS[name]()
+    assert program_after_a_sample(program) is not None
+    results = [
+        simulated(monkeypatch, programmed, controller, arm=GRAVITY)
+        for programmed, controller in ((False, python), (True, program))
+    ]
+    assert_equal_runs(*results)
+
+
+def test_a_law_with_two_models_runs_in_python(monkeypatch):
+    laws = [fa.DisturbanceObserver(GRAVITY, computed_torque(), 0.2) for _ in range(2)]
+    assert program_after_a_sample(laws[1]) is None
+    assert_equal_runs(
+        *(simulated(monkeypatch, on, law) for on, law in zip((0, 1), laws, strict=True))
+    )
 
 
 def fast():

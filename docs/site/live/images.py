@@ -24,6 +24,7 @@ from flexarm.arm.stations import place_stations
 from flexarm.integrate.base import Progress
 from flexarm.integrate.explicit_runge_kutta.explicit import advance_explicit
 from flexarm.integrate.sampled_law import REFUSED, SampledLaw, sampled_explicit
+from flexarm.kernels.layout import compile_time_sizes
 from flexarm.kernels.observation.observables import POSE_COLUMNS, poses
 from flexarm.kernels.observation.shapes import axis_points
 from flexarm.simulation.loop import programmed_samples
@@ -133,6 +134,11 @@ def _law_from_start(samples: ProgrammedSamples) -> SampledLaw:
         program.numbers[places] = 0.0
     commands, counts = np.zeros((count, loop.run.arm.n_joints)), np.array([0, count, 0, REFUSED])
     span = np.array([loop.sample_time, loop.end])
+    # Without bodies at compile time, the kernels of its terms are not on the page.
+    model = program.model._replace(sizes=compile_time_sizes(program.model.constants))
+    if program.model.bodies.size:
+        raise ValueError("the law of the controller has a model")
+    program = program._replace(model=model)
     sensors = samples._sensors
     return SampledLaw(program, *sensors, inputs, commands, counts, samples._small, span)
 
@@ -164,7 +170,7 @@ def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     if hasattr(value, "_fields"):
         for key, part in zip(value._fields, value, strict=True):
             yield from _leaves(f"{name}.{key}", part)
-    else:
+    elif not isinstance(value, tuple):  # of no numbers: a size at compile time
         yield name, value
 
 

@@ -1,21 +1,31 @@
-"""Programs of laws: lists of elementary operations, which run without Python.
+"""Programs of laws: lists of operations, which run without Python.
 
 There is no second law: the ``step`` of a controller is executed once with arrays that record what
-NumPy would do with their entries. A law with other operations, or with decisions on numbers, is not
-recorded. The recorded operations are those of the step in the same order, so that torques and
-memory are equal to the last bit, but for the signs of zeros. Each law is tested before its use.
+NumPy would do with their entries, and which terms of a model it evaluates. A law with other
+operations, with decisions on numbers, or with several models, is not recorded. The recorded
+operations are those of the step in the same order, so that torques and memory are equal to the last
+bit, but for the signs of zeros. Each law is tested before its use.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
+from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.control.contract.base import Arrays, Controller, around, is_law
 from flexarm.control.hardware.measurement import FloatArray, Measurement
-from flexarm.kernels.controller_terms.law_program import OPERATIONS, LawProgram, law_step
+from flexarm.kernels.controller_terms.law_program import (
+    OPERATIONS,
+    TERMS,
+    LawModel,
+    LawProgram,
+    law_step,
+)
+from flexarm.kernels.controller_terms.rigid_terms import SET_COLUMNS
+from flexarm.kernels.layout import empty_constants
 
 #: Most operations of a recorded law.
 _MOST = 20_000
@@ -50,6 +60,7 @@ class _Tape:
         self.code: list[tuple[int, int, int, int, int]] = []
         self.numbers: list[float] = []
         self._constants: dict[float, int] = {}
+        self._model: LawModel | None = None
 
     def new(self, shape: Any) -> _Recorded:
         """Return an array of new places."""
@@ -88,6 +99,26 @@ class _Tape:
         operation = OPERATIONS.index(name)
         self.code += [(operation, *row) for row in zip(*columns, strict=True)]
         return result
+
+    def term(self, name: str, model: LawModel, operands: Any, shape: Any, count: int) -> _Recorded:
+        """Record a term of a model; ``count`` is the number of its inertial sets."""
+        first = model if self._model is None else self._model
+        if first.work is not model.work or first.sets is not model.sets:
+            raise _NotRecorded("uses several models")
+        self._model = first
+        places = np.concatenate([self.places_of(value).ravel() for value in operands])
+        start = int(self.operate("positive", [_Recorded(self, places)]).places[0])
+        result, code = self.new(shape), len(OPERATIONS) + TERMS.index(name)
+        self.code.append((code, int(result.places.flat[0]), start, start, count))
+        return result
+
+    @property
+    def model(self) -> LawModel:
+        """The model of the law, without bodies if it has none."""
+        if self._model is not None:
+            return self._model
+        nothing = KernelView(empty_constants(0, 0, 0, 0))
+        return _law_model(nothing, np.zeros(0, np.intp), _NO_SETS)
 
 
 class _Recorded(np.lib.mixins.NDArrayOperatorsMixin):
@@ -156,6 +187,46 @@ class _Recorded(np.lib.mixins.NDArrayOperatorsMixin):
         return _Recorded(self.tape, np.asarray(function(places, *args[1:], **options)))
 
 
+#: Sets of a model whose parameters do not change.
+_NO_SETS = np.zeros((0, 0, SET_COLUMNS))
+
+
+def _law_model(kernels: KernelView, bodies: Any, sets: FloatArray) -> LawModel:
+    """Return a model with new arrays for its state and its results."""
+    joints, state = len(bodies), (kernels.zeros(2), kernels.zeros(), np.zeros(kernels.shape * 2))
+    of_joints = bodies, np.zeros((4, joints)), sets, np.zeros((len(sets), joints))
+    arm = kernels.sizes, kernels.constants, kernels.loads, kernels.work
+    return LawModel(*arm, *state, *of_joints)
+
+
+def is_recorded(value: object) -> bool:
+    """Return whether a value is an array of a program that is being recorded."""
+    return isinstance(value, _Recorded)
+
+
+def recorded_term(
+    name: str,
+    kernels: KernelView,
+    operands: Iterable[Any],
+    shape: int | tuple[int, ...],
+    bodies: Any = (),
+    sets: FloatArray = _NO_SETS,
+    count: int = 0,
+) -> Any:
+    """Record a term of the model of a law, see ``kernels.controller_terms.law_program``.
+
+    Args:
+        name: of the term. kernels: those of the model.
+        operands: coordinates, rates and accelerations of the bodies; or four rows of the joints,
+            at least one of them recorded. shape: of the result.
+        bodies: of the joints. sets: of their parameters, the first ``count`` of them inertial.
+    """
+    values = list(operands)
+    tape: _Tape = next(value.tape for value in values if isinstance(value, _Recorded))
+    model = _law_model(kernels, np.asarray(bodies, dtype=np.intp), sets)
+    return tape.term(name, model, values, shape, count)
+
+
 def program_of(
     law: Controller, memory: Arrays, readings: Measurement, inputs: Arrays
 ) -> LawProgram | None:
@@ -183,7 +254,7 @@ def program_of(
     places = _joined(before), _joined(sensed), _joined(planned)
     after_places = np.concatenate([np.zeros(0, np.int64), *(ends[k].ravel() for k in memory)])
     outputs = after_places, torques.astype(np.int64), np.zeros(sum(kept))
-    program = LawProgram(code, np.array(tape.numbers), *places, *outputs)
+    program = LawProgram(code, np.array(tape.numbers), *places, *outputs, tape.model)
     with np.errstate(all="ignore"):  # random numbers may be outside the range of a function
         return program if _is_equal(program, law, parts) else None
 
