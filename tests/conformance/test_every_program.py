@@ -16,6 +16,7 @@ from flexarm.simulation.loop.control_loop import ClosedLoop
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning"),
+    pytest.mark.filterwarnings("ignore::flexarm.LimitWarning"),
     pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning"),
 ]
 ARM = two_links()
@@ -132,6 +133,75 @@ def fast():
     return fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=1e-3)
 
 
+ENCODER = {"resolution": 1e-4, "rate_cutoff": 100.0}
+LIMIT = [0.6, 0.2]
+VOLTAGE = {"torque_constant": 1.0, "resistance": 2.0, "voltage_limit": 1.0, "current_limit": 0.4}
+INSTRUMENTS = {
+    "encoder": [fa.Instrument("joint_angle", **ENCODER)],
+    "noise": [
+        fa.Instrument("joint_angle", noise=1e-4, **ENCODER),
+        fa.Instrument("strain", noise=1e-6, name="gauge"),
+    ],
+    "delays": [
+        fa.Instrument("joint_angle", delay=2e-3),
+        fa.Instrument("joint_rate", delay=1e-3, bias=1e-3),
+    ],
+    "limit": [fa.Instrument("joint_angle", limit=0.45, rate_cutoff=50.0)],
+}
+MOTORS = {
+    "limit": fa.Motors(torque_limit=LIMIT),
+    "voltage": fa.Motors(**VOLTAGE),
+    "delay": fa.Motors(delay=1e-3),
+    "lag": fa.Motors(time_constant=1e-3),
+    "short lag": fa.Motors(time_constant=2e-5, torque_limit=LIMIT),
+    "all": fa.Motors(torque_limit=LIMIT, delay=2e-3, time_constant=5e-4),
+}
+HARDWARE = {f"instruments: {name}": fa.Hardware(items) for name, items in INSTRUMENTS.items()}
+HARDWARE |= {f"motors: {name}": fa.Hardware(motors=motors) for name, motors in MOTORS.items()}
+HARDWARE["both"] = fa.Hardware(INSTRUMENTS["noise"], MOTORS["all"], seed=3)
+#: Hardware whose samples differ from each other.
+IN_PYTHON = {
+    "stride": fa.Hardware([fa.Instrument("joint_angle", sample_time=2e-3, rate_cutoff=50.0)]),
+    "fault": fa.Hardware(
+        [
+            fa.Instrument("joint_rate"),
+            fa.Instrument("joint_angle", faults=[fa.InstrumentFault("bias", 0.01, start=0.05)]),
+        ]
+    ),
+    "part of a sample": fa.Hardware(motors=fa.Motors(delay=5e-4)),
+    "other signal": fa.Hardware([*INSTRUMENTS["encoder"], fa.Instrument("tip")]),
+}
+
+
+def programs_of(monkeypatch):
+    """Return a list to which each use of a program is appended."""
+    used = []
+    advance = programmed_samples.ProgrammedSamples.advance
+    noting = lambda samples: used.append(samples) or advance(samples)  # noqa: E731
+    monkeypatch.setattr(programmed_samples.ProgrammedSamples, "advance", noting)
+    return used
+
+
+@pytest.mark.parametrize("name", [*HARDWARE, *IN_PYTHON])
+def test_programs_with_hardware(monkeypatch, name):
+    """Also in several calls, which keep the state of the devices."""
+    used, hardware = programs_of(monkeypatch), {**HARDWARE, **IN_PYTHON}[name]
+    monkeypatch.setattr(programmed_samples, "_CHUNK", 40)
+    results = [simulated(monkeypatch, on, fast(), hardware=hardware) for on in (False, True)]
+    assert bool(used) == (name in HARDWARE)
+    assert_equal_runs(*results)
+
+
+@pytest.mark.parametrize("name", sorted(PROGRAMMED))
+def test_programs_of_laws_with_hardware(monkeypatch, name):
+    used = programs_of(monkeypatch)
+    encoder, gauge = INSTRUMENTS["encoder"], fa.Instrument("strain", noise=1e-7)
+    hardware = fa.Hardware([*encoder, gauge], fa.Motors(delay=4e-3, torque_limit=[5.0, 2.0]))
+    results = [simulated(monkeypatch, on, example(name), hardware=hardware) for on in (0, 1)]
+    assert used
+    assert_equal_runs(*results)
+
+
 @pytest.mark.parametrize("method", ["dormand_prince_8", "kennedy_carpenter_5"])
 def test_program_with_each_integrator(monkeypatch, method):
     results = [simulated(monkeypatch, on, fast(), integrator=method) for on in (False, True)]
@@ -190,13 +260,15 @@ def test_a_law_of_a_user_has_no_program(monkeypatch):
     )
 
 
+@pytest.mark.parametrize("hardware", [None, fa.Hardware(INSTRUMENTS["noise"])])
 @pytest.mark.parametrize("gain", [3e4, 1e200])
-def test_failures_are_the_same(monkeypatch, gain):
+def test_failures_are_the_same(monkeypatch, gain, hardware):
     """Links that bend too far, and torques that are not finite."""
     texts = []
+    law = fa.JointPD([gain] * 2, [gain] * 2, sample_time=1e-3)
     for programmed in (False, True):
         with pytest.raises(fa.SimulationError) as caught:
-            simulated(monkeypatch, programmed, fa.JointPD([gain] * 2, [gain] * 2, sample_time=1e-3))
+            simulated(monkeypatch, programmed, law, hardware=hardware)
         result = caught.value.result
         texts.append((str(caught.value), None if result is None else result["torque"].values))
     assert texts[0][0] == texts[1][0]

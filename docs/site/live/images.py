@@ -124,8 +124,8 @@ def captured(arm: fa.Arm, duration: float, **arguments: Any) -> Image:
 def _law_from_start(samples: ProgrammedSamples) -> SampledLaw:
     """Return the law of a run for all samples from the first one, at time zero."""
     loop, program = samples._loop, samples._program
-    if program.memory.size:
-        raise ValueError("the law of the controller has a memory")
+    if program.memory.size or program.noted.size or samples._planned[1].size:
+        raise ValueError("the law of the controller has a memory, or hardware")
     count = math.ceil(loop.end / loop.sample_time * (1.0 - 1e-12))
     times = np.arange(count) * loop.sample_time
     inputs = samples._plan(loop.controller, _reference(loop), times)
@@ -136,11 +136,12 @@ def _law_from_start(samples: ProgrammedSamples) -> SampledLaw:
     span = np.array([loop.sample_time, loop.end])
     # Without bodies at compile time, the kernels of its terms are not on the page.
     model = program.model._replace(sizes=compile_time_sizes(program.model.constants))
-    if program.model.bodies.size:
+    if program.model.acceleration.size:
         raise ValueError("the law of the controller has a model")
     program = program._replace(model=model)
     sensors = samples._sensors
-    return SampledLaw(program, *sensors, inputs, commands, counts, samples._small, span)
+    rows = inputs, np.zeros((count, 0)), commands, np.zeros((count, 0))
+    return SampledLaw(program, *sensors, *rows, counts, samples._small, span)
 
 
 @contextmanager

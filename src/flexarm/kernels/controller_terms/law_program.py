@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from flexarm.kernels.compilation.cache import apart, compiled, inner
 from flexarm.kernels.compilation.numbers import sqrt
 from flexarm.kernels.controller_terms.rigid_terms import momentum, regressor
@@ -33,6 +35,7 @@ OPERATIONS = (
     "where",
     "positive",
     "equal",
+    "rint",
 )
 #: Terms of a model, whose codes follow.
 TERMS = ("inverse_dynamics", "mass_matrix", "regressor", "momentum")
@@ -53,6 +56,7 @@ TERMS = ("inverse_dynamics", "mass_matrix", "regressor", "momentum")
     _WHERE,
     _POSITIVE,
     _EQUAL,
+    _RINT,
     _FORCES,
     _MASS,
     _REGRESSOR,
@@ -77,15 +81,20 @@ class LawModel(NamedTuple):
 
 
 class LawProgram(NamedTuple):
-    """A recorded step of a law. A *place* is an index in ``numbers``; truth values are 0 and 1."""
+    """A recorded step of a law and its devices.
+
+    A *place* is an index in ``numbers``; truth values are 0 and 1.
+    """
 
     code: Array  # (operations, 5) integers: operation, place of the result, places of operands
     numbers: Array  # (places,) with the constants of the law
     memory: Array  # (k,) places of the memory before the step
-    readings: Array  # (p,) places of joint angles, joint rates and strains
+    readings: Array  # (p,) places of joint angles, joint rates and strains of the arm
     inputs: Array  # (r,) places of the planned inputs
     after: Array  # (k,) places of the memory after the step
-    torque: Array  # (joints,) places of the torques
+    torque: Array  # (joints,) places of the torques of the law
+    held: Array  # (pieces, powers, joints) places of the torques of the motors, as in ``Drive``
+    noted: Array  # (q,) places of numbers that results contain
     kept: Array  # (k,) scratch
     model: LawModel  # without bodies, if the law has none
 
@@ -128,6 +137,8 @@ def law_step(program: LawProgram) -> None:
             x[to] = a
         elif operation == _EQUAL:
             x[to] = 1.0 if a == b else 0.0
+        elif operation == _RINT:
+            x[to] = np.rint(a)
         elif operation <= _MASS:
             _forces_or_mass(program.model, operation, x, code[k, 2], to)
         else:
