@@ -25,7 +25,10 @@ from flexarm.integrate import INTEGRATORS
 #: microseconds a sample.
 GOAL, LOOP_GOAL = 2.0, 42.0
 #: Runs in a closed loop.
-LOOPS = tuple(f"{law} at 1 kHz, 1000 samples per second" for law in ("joint PD", "computed torque"))
+LOOPS = tuple(
+    f"{law} at 1 kHz, 1000 samples per second"
+    for law in ("joint PD", "computed torque", "joint PD with encoders, limits and a delay")
+)
 #: Goals for the times of single calls (microseconds), on an idle machine.
 GOALS = {
     "`Arm.forward_dynamics`": 8.0,
@@ -75,8 +78,11 @@ def _runs(arm: fa.Arm, duration: float) -> dict[str, tuple[str, dict[str, Any]]]
 
     plant = _with_motors(arm)
     laws = fa.JointPD([20.0, 10.0], [2.0, 1.0]), fa.ComputedTorque(plant, 1.0)
-    motion = fa.joint_motion(arm, [0.3, -0.5], [0.8, -0.9], duration)
+    motion = fa.joint_motion(arm, [0.3, -0.5], [0.8, -0.9], _DURATION)
     loops = [{"plant": plant, "controller": law, "reference": motion} for law in laws]
+    encoder = fa.Instrument("joint_angle", resolution=1e-4, rate_cutoff=100.0)
+    motors = fa.Motors(torque_limit=[50.0, 20.0], delay=1e-3)
+    loops.append({**loops[0], "hardware": fa.Hardware([encoder], motors)})
     return {
         "no torque, 100 samples per second": ("dormand_prince_8", low),
         "torque samples, 100 per second": (implicit, low | {"torque": torque}),

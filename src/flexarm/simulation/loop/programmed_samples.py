@@ -194,10 +194,13 @@ class ProgrammedSamples:
         if not len(rows):
             self._planned = rows, rows
             return
-        noise = self._step.noise(self._signals, len(rows)).values()
-        motors = [_motors(self._loop, k) for k in range(first, self._next)]
-        planned, breaks = [flat(inputs) for inputs, _ in motors], [row for _, row in motors]
-        self._planned = np.concatenate([rows, planned, *noise], axis=1), np.array(breaks)
+        parts, breaks = [rows], np.zeros((len(rows), 0))
+        if not self._loop.acting.plain:
+            motors = [_motors(self._loop, k) for k in range(first, self._next)]
+            parts.append(np.array([flat(inputs) for inputs, _ in motors]))
+            breaks = np.array([row for _, row in motors])
+        parts += self._step.noise(self._signals, len(rows)).values()
+        self._planned = np.concatenate(parts, axis=1), breaks
 
     def _plan(self, law: Any, reference: Any, times: FloatArray) -> FloatArray:
         if getattr(reference, "vectorized", False):
