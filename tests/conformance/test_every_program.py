@@ -192,6 +192,15 @@ def test_programs_with_hardware(monkeypatch, name):
     assert_equal_runs(*results)
 
 
+def test_motors_of_an_arm_without_gauges(monkeypatch):
+    """Its measurements contain an empty strain."""
+    links = [link.replace(gauges=[]) for link in ARM.spec.links]
+    bare, used = fa.Arm(ARM.spec.replace(links=links)), programs_of(monkeypatch)
+    options = {"arm": bare, "hardware": HARDWARE["motors: limit"]}
+    assert_equal_runs(*(simulated(monkeypatch, on, fast(), **options) for on in (False, True)))
+    assert used
+
+
 @pytest.mark.parametrize("name", sorted(PROGRAMMED))
 def test_programs_of_laws_with_hardware(monkeypatch, name):
     used = programs_of(monkeypatch)

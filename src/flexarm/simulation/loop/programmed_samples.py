@@ -168,7 +168,7 @@ class ProgrammedSamples:
         at, joints = 0, commands.shape[1]
         for name, shape in self._shapes.items():
             size = math.prod(shape)
-            readings[name] = noted[:, at : at + size].reshape(-1, *shape)
+            readings[name] = noted[:, at : at + size].reshape(len(noted), *shape)
             at += size
         rows = [noted[:, k : k + joints] for k in range(at, noted.shape[1], joints)]
         self._loop.add_samples(commands, readings, rows or [commands])
