@@ -16,7 +16,7 @@ from benchmarks.forward_dynamics import Comparison
 from benchmarks.long_chain import TIGHT
 from benchmarks.startup import Wait
 from benchmarks.table_one import EXACT, PAPER
-from benchmarks.whole_call import GOAL, GOALS, LOOP, LOOP_GOAL, Whole
+from benchmarks.whole_call import GOAL, GOALS, LOOP_GOAL, LOOPS, Whole
 from benchmarks.work_precision import Point, fastest
 
 #: Errors (m) at which programs are compared: those that peers reach at low cost.
@@ -407,7 +407,7 @@ def _controllers_table(found: dict[tuple[str, str], float]) -> str:
 
 def whole_table(found: list[Whole]) -> str:
     """Return the table of the measurements of ``whole_call.simulations``."""
-    goals = {LOOP: LOOP_GOAL}
+    goals = dict.fromkeys(LOOPS, LOOP_GOAL)
     rows = [
         (name, *(f"{1e3 * value:.2f}" for value in times), f"{goals.get(name, GOAL):g}")
         for name, *times in found

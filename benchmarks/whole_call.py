@@ -24,8 +24,11 @@ from flexarm.integrate import INTEGRATORS
 #: Goals for the time of `simulate` outside its steps (ms): of open-loop runs, and of a loop with 20
 #: microseconds a sample.
 GOAL, LOOP_GOAL = 2.0, 42.0
-#: Run in a closed loop.
-LOOP = "joint PD at 1 kHz, 1000 samples per second"
+#: Runs in a closed loop.
+LOOPS = tuple(
+    f"{law} at 1 kHz, 1000 samples per second"
+    for law in ("joint PD", "computed torque", "joint PD with encoders, limits and a delay")
+)
 #: Goals for the times of single calls (microseconds), on an idle machine.
 GOALS = {
     "`Arm.forward_dynamics`": 8.0,
@@ -73,19 +76,19 @@ def _runs(arm: fa.Arm, duration: float) -> dict[str, tuple[str, dict[str, Any]]]
     def wave(t: float) -> tuple[float, float]:
         return 0.1 * math.sin(3.0 * t), 0.1 * math.cos(3.0 * t)
 
+    plant = _with_motors(arm)
+    laws = fa.JointPD([20.0, 10.0], [2.0, 1.0]), fa.ComputedTorque(plant, 1.0)
+    motion = fa.joint_motion(arm, [0.3, -0.5], [0.8, -0.9], _DURATION)
+    loops = [{"plant": plant, "controller": law, "reference": motion} for law in laws]
+    encoder = fa.Instrument("joint_angle", resolution=1e-4, rate_cutoff=100.0)
+    motors = fa.Motors(torque_limit=[50.0, 20.0], delay=1e-3)
+    loops.append({**loops[0], "hardware": fa.Hardware([encoder], motors)})
     return {
         "no torque, 100 samples per second": ("dormand_prince_8", low),
         "torque samples, 100 per second": (implicit, low | {"torque": torque}),
         "torque function, 100 per second": (implicit, low | {"torque": wave}),
         "no torque, 1000 samples per second": ("dormand_prince_8", {"initial": initial}),
-        LOOP: (
-            "dormand_prince_8",
-            {
-                "plant": _with_motors(arm),
-                "controller": fa.JointPD([20.0, 10.0], [2.0, 1.0]),
-                "reference": fa.joint_motion(arm, [0.3, -0.5], [0.8, -0.9], duration),
-            },
-        ),
+        **{name: ("dormand_prince_8", loop) for name, loop in zip(LOOPS, loops, strict=True)},
     }
 
 

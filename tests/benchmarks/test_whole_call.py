@@ -9,7 +9,7 @@ from benchmarks import report, whole_call
 
 def test_a_simulation_takes_longer_than_its_steps() -> None:
     found = whole_call.simulations(repeats=1, duration=0.1)
-    assert len(found) == 5
+    assert len(found) == 7
     for _, steps, whole, beside in found:
         assert 0.0 < steps < whole
         assert 0.0 < beside < whole

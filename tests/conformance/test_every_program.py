@@ -1,5 +1,7 @@
 """Laws that run as programs: the same numbers as their steps in Python, to the last bit."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from controller_examples import EXAMPLES, example, two_links
@@ -14,16 +16,18 @@ from flexarm.simulation.loop.control_loop import ClosedLoop
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::flexarm.LargeDeflectionWarning"),
+    pytest.mark.filterwarnings("ignore::flexarm.LimitWarning"),
     pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning"),
 ]
 ARM = two_links()
 MOTION = fa.joint_motion(ARM, [0.4, 0.1], [0.5, 0.0], 0.1)
-#: Laws of matrices and elementary operations. The others solve a problem at every sample, call
-#: kernels of a model, or use functions that NumPy rounds otherwise than compiled code.
+#: Laws of matrices, elementary operations and terms of a model. The others solve a problem at every
+#: sample, decide on numbers, or use functions that NumPy rounds otherwise than compiled code.
 PROGRAMMED = {
-    *("composite", "integral_resonant_control", "joint_pd", "loop_shaping", "lqg"),
-    *("mu_synthesis", "output_redefinition", "positive_position_feedback", "strain_feedback"),
-    "wave_based_control",
+    *("adaptive", "composite", "computed_torque", "disturbance_observer"),
+    *("integral_resonant_control", "joint_pd", "joint_pid", "loop_shaping", "lqg"),
+    *("mu_synthesis", "output_redefinition", "positive_position_feedback", "sliding_mode"),
+    *("strain_feedback", "wave_based_control"),
 }
 
 
@@ -49,11 +53,11 @@ def test_laws_with_programs(name):
     assert (program_after_a_sample(controller) is not None) == (name in PROGRAMMED)
 
 
-def simulated(monkeypatch, programmed, controller, **options):
+def simulated(monkeypatch, programmed, controller, arm=ARM, **options):
     monkeypatch.setattr(ClosedLoop, "_is_programmed", programmed)
     monkeypatch.setattr(programmed_samples, "_WORTH", 2)
-    options = {"reference": MOTION, "initial": ARM.rest([0.4, 0.1]), **options}
-    return fa.simulate(ARM, 0.1, controller=controller, **options)
+    options = {"reference": MOTION, "initial": arm.rest([0.4, 0.1]), **options}
+    return fa.simulate(arm, 0.1, controller=controller, **options)
 
 
 def assert_equal_runs(one, other):
@@ -81,8 +85,130 @@ def test_program_equals_the_step(monkeypatch, name, reference):
         assert np.asarray(value).dtype == np.asarray(program.memory[key]).dtype
 
 
+GRAVITY = fa.Arm(ARM.spec.replace(gravity=(0.0, -9.81)))
+RATE = {"sample_time": 4e-3}
+
+
+def pid(**options):
+    return fa.JointPID([8.0, 3.0], [0.8, 0.3], [2.0, 1.0], arm=GRAVITY, **RATE, **options)
+
+
+def computed_torque():
+    return fa.ComputedTorque(GRAVITY, 0.3, 0.5, **RATE)
+
+
+#: Arguments of laws that use other terms of their model.
+VARIANTS = {
+    "gravity": pid,
+    "gravity with sag": partial(pid, sag=True),
+    "gravity within limits": partial(pid, torque_limit=[0.4, 0.1]),
+    "mass matrix": lambda: fa.ComputedTorque(
+        GRAVITY, 0.3, 0.5, feedforward=fa.rigid_torque(GRAVITY, MOTION), **RATE
+    ),
+    "momentum with gravity": lambda: fa.DisturbanceObserver(GRAVITY, example("joint_pd"), 0.2),
+    "friction": lambda: fa.Adaptive(GRAVITY, 2.0, [0.8, 0.2], 0.003, "friction", **RATE),
+}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_terms_of_a_model(monkeypatch, name):
+    python, program = VARIANTS[name](), VARIANTS[name]()
+    assert program_after_a_sample(program) is not None
+    results = [
+        simulated(monkeypatch, programmed, controller, arm=GRAVITY)
+        for programmed, controller in ((False, python), (True, program))
+    ]
+    assert_equal_runs(*results)
+
+
+def test_a_law_with_two_models_runs_in_python(monkeypatch):
+    laws = [fa.DisturbanceObserver(GRAVITY, computed_torque(), 0.2) for _ in range(2)]
+    assert program_after_a_sample(laws[1]) is None
+    assert_equal_runs(
+        *(simulated(monkeypatch, on, law) for on, law in zip((0, 1), laws, strict=True))
+    )
+
+
 def fast():
     return fa.JointPD([8.0, 3.0], [0.8, 0.3], sample_time=1e-3)
+
+
+ENCODER = {"resolution": 1e-4, "rate_cutoff": 100.0}
+LIMIT = [0.6, 0.2]
+VOLTAGE = {"torque_constant": 1.0, "resistance": 2.0, "voltage_limit": 1.0, "current_limit": 0.4}
+INSTRUMENTS = {
+    "encoder": [fa.Instrument("joint_angle", **ENCODER)],
+    "noise": [
+        fa.Instrument("joint_angle", noise=1e-4, **ENCODER),
+        fa.Instrument("strain", noise=1e-6, name="gauge"),
+    ],
+    "delays": [
+        fa.Instrument("joint_angle", delay=2e-3),
+        fa.Instrument("joint_rate", delay=1e-3, bias=1e-3),
+    ],
+    "limit": [fa.Instrument("joint_angle", limit=0.45, rate_cutoff=50.0)],
+}
+MOTORS = {
+    "limit": fa.Motors(torque_limit=LIMIT),
+    "voltage": fa.Motors(**VOLTAGE),
+    "delay": fa.Motors(delay=1e-3),
+    "lag": fa.Motors(time_constant=1e-3),
+    "short lag": fa.Motors(time_constant=2e-5, torque_limit=LIMIT),
+    "all": fa.Motors(torque_limit=LIMIT, delay=2e-3, time_constant=5e-4),
+}
+HARDWARE = {f"instruments: {name}": fa.Hardware(items) for name, items in INSTRUMENTS.items()}
+HARDWARE |= {f"motors: {name}": fa.Hardware(motors=motors) for name, motors in MOTORS.items()}
+HARDWARE["both"] = fa.Hardware(INSTRUMENTS["noise"], MOTORS["all"], seed=3)
+#: Hardware whose samples differ from each other.
+IN_PYTHON = {
+    "stride": fa.Hardware([fa.Instrument("joint_angle", sample_time=2e-3, rate_cutoff=50.0)]),
+    "fault": fa.Hardware(
+        [
+            fa.Instrument("joint_rate"),
+            fa.Instrument("joint_angle", faults=[fa.InstrumentFault("bias", 0.01, start=0.05)]),
+        ]
+    ),
+    "part of a sample": fa.Hardware(motors=fa.Motors(delay=5e-4)),
+    "other signal": fa.Hardware([*INSTRUMENTS["encoder"], fa.Instrument("tip")]),
+}
+
+
+def programs_of(monkeypatch):
+    """Return a list to which each use of a program is appended."""
+    used = []
+    advance = programmed_samples.ProgrammedSamples.advance
+    noting = lambda samples: used.append(samples) or advance(samples)  # noqa: E731
+    monkeypatch.setattr(programmed_samples.ProgrammedSamples, "advance", noting)
+    return used
+
+
+@pytest.mark.parametrize("name", [*HARDWARE, *IN_PYTHON])
+def test_programs_with_hardware(monkeypatch, name):
+    """Also in several calls, which keep the state of the devices."""
+    used, hardware = programs_of(monkeypatch), {**HARDWARE, **IN_PYTHON}[name]
+    monkeypatch.setattr(programmed_samples, "_CHUNK", 40)
+    results = [simulated(monkeypatch, on, fast(), hardware=hardware) for on in (False, True)]
+    assert bool(used) == (name in HARDWARE)
+    assert_equal_runs(*results)
+
+
+def test_motors_of_an_arm_without_gauges(monkeypatch):
+    """Its measurements contain an empty strain."""
+    links = [link.replace(gauges=[]) for link in ARM.spec.links]
+    bare, used = fa.Arm(ARM.spec.replace(links=links)), programs_of(monkeypatch)
+    options = {"arm": bare, "hardware": HARDWARE["motors: limit"]}
+    assert_equal_runs(*(simulated(monkeypatch, on, fast(), **options) for on in (False, True)))
+    assert used
+
+
+@pytest.mark.parametrize("name", sorted(PROGRAMMED))
+def test_programs_of_laws_with_hardware(monkeypatch, name):
+    used = programs_of(monkeypatch)
+    encoder, gauge = INSTRUMENTS["encoder"], fa.Instrument("strain", noise=1e-7)
+    hardware = fa.Hardware([*encoder, gauge], fa.Motors(delay=4e-3, torque_limit=[5.0, 2.0]))
+    results = [simulated(monkeypatch, on, example(name), hardware=hardware) for on in (0, 1)]
+    assert used
+    assert_equal_runs(*results)
 
 
 @pytest.mark.parametrize("method", ["dormand_prince_8", "kennedy_carpenter_5"])
@@ -143,13 +269,15 @@ def test_a_law_of_a_user_has_no_program(monkeypatch):
     )
 
 
+@pytest.mark.parametrize("hardware", [None, fa.Hardware(INSTRUMENTS["noise"])])
 @pytest.mark.parametrize("gain", [3e4, 1e200])
-def test_failures_are_the_same(monkeypatch, gain):
+def test_failures_are_the_same(monkeypatch, gain, hardware):
     """Links that bend too far, and torques that are not finite."""
     texts = []
+    law = fa.JointPD([gain] * 2, [gain] * 2, sample_time=1e-3)
     for programmed in (False, True):
         with pytest.raises(fa.SimulationError) as caught:
-            simulated(monkeypatch, programmed, fa.JointPD([gain] * 2, [gain] * 2, sample_time=1e-3))
+            simulated(monkeypatch, programmed, law, hardware=hardware)
         result = caught.value.result
         texts.append((str(caught.value), None if result is None else result["torque"].values))
     assert texts[0][0] == texts[1][0]

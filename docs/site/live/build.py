@@ -28,8 +28,8 @@ _ROOT = _FOLDER.parents[2]
 #: Numbers and arrays that a kernel writes before it reads them, and those of drawing.
 _SCRATCH = (
     "memory.new", "memory.torque", "memory.spare", "record.stages", "record.weights",
-    "law.commands", "law.strains", "law.program.kept", "system.work.", "system.drive.loads.value",
-    "drawn", "poses", "points", "tip",
+    "law.commands", "law.strains", "law.program.kept", "law.program.model.", "system.work.",
+    "system.drive.loads.value", "drawn", "poses", "points", "tip",
 )  # fmt: skip
 #: Arrays of which fewer rows are used after a change of the sample time.
 _ROWS = "law.inputs"

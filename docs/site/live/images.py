@@ -24,6 +24,7 @@ from flexarm.arm.stations import place_stations
 from flexarm.integrate.base import Progress
 from flexarm.integrate.explicit_runge_kutta.explicit import advance_explicit
 from flexarm.integrate.sampled_law import REFUSED, SampledLaw, sampled_explicit
+from flexarm.kernels.layout import compile_time_sizes
 from flexarm.kernels.observation.observables import POSE_COLUMNS, poses
 from flexarm.kernels.observation.shapes import axis_points
 from flexarm.simulation.loop import programmed_samples
@@ -123,8 +124,8 @@ def captured(arm: fa.Arm, duration: float, **arguments: Any) -> Image:
 def _law_from_start(samples: ProgrammedSamples) -> SampledLaw:
     """Return the law of a run for all samples from the first one, at time zero."""
     loop, program = samples._loop, samples._program
-    if program.memory.size:
-        raise ValueError("the law of the controller has a memory")
+    if program.memory.size or program.noted.size or samples._planned[1].size:
+        raise ValueError("the law of the controller has a memory, or hardware")
     count = math.ceil(loop.end / loop.sample_time * (1.0 - 1e-12))
     times = np.arange(count) * loop.sample_time
     inputs = samples._plan(loop.controller, _reference(loop), times)
@@ -133,8 +134,14 @@ def _law_from_start(samples: ProgrammedSamples) -> SampledLaw:
         program.numbers[places] = 0.0
     commands, counts = np.zeros((count, loop.run.arm.n_joints)), np.array([0, count, 0, REFUSED])
     span = np.array([loop.sample_time, loop.end])
+    # Without bodies at compile time, the kernels of its terms are not on the page.
+    model = program.model._replace(sizes=compile_time_sizes(program.model.constants))
+    if program.model.acceleration.size:
+        raise ValueError("the law of the controller has a model")
+    program = program._replace(model=model)
     sensors = samples._sensors
-    return SampledLaw(program, *sensors, inputs, commands, counts, samples._small, span)
+    rows = inputs, np.zeros((count, 0)), commands, np.zeros((count, 0))
+    return SampledLaw(program, *sensors, *rows, counts, samples._small, span)
 
 
 @contextmanager
@@ -164,7 +171,7 @@ def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     if hasattr(value, "_fields"):
         for key, part in zip(value._fields, value, strict=True):
             yield from _leaves(f"{name}.{key}", part)
-    else:
+    elif not isinstance(value, tuple):  # of no numbers: a size at compile time
         yield name, value
 
 

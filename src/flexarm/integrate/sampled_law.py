@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexarm.integrate.base import System, Tolerance
+from flexarm.integrate.base import Drive, System, Tolerance
 from flexarm.integrate.explicit_runge_kutta.explicit import ExplicitRecord, advance_explicit
 from flexarm.integrate.implicit.additive import AdditiveRecord, advance_additive
 from flexarm.integrate.memory import Memory
@@ -32,7 +32,7 @@ COMPLETE, WITHIN, BENT, REFUSED = range(4)
 
 
 class SampledLaw(NamedTuple):
-    """A law, the sensors of its arm, and the samples of one call."""
+    """A law with its devices, the signals of its arm, and the samples of one call."""
 
     program: LawProgram
     bodies: Array  # (joints,) of the joints
@@ -40,14 +40,16 @@ class SampledLaw(NamedTuple):
     gauge_rows: Array  # (gauges, m) strain per modal coordinate
     strains: Array  # (gauges,) scratch
     inputs: Array  # (samples, r) planned inputs
+    breaks: Array  # (samples, pieces + 1) s, of the torques of the motors; or (samples, 0)
     commands: Array  # (samples, joints) N m, filled
+    noted: Array  # (samples, q), filled
     counts: Array  # (4,)
     small: float  # modal coordinates below which no link has bent far
     times: Array  # (2,) sample time and end of the run, s
 
 
 @inner
-def _commanded(sizes: Sizes, state: Array, coefficients: Array, law: SampledLaw) -> bool:
+def _commanded(sizes: Sizes, state: Array, drive: Drive, law: SampledLaw) -> bool:
     """Hold the torques of a sample; return whether they are finite."""
     program, count = law.program, law.counts
     x, joints = program.numbers, law.bodies.shape[0]
@@ -67,7 +69,15 @@ def _commanded(sizes: Sizes, state: Array, coefficients: Array, law: SampledLaw)
             count[END] = REFUSED
             return False
         law.commands[row, k] = torque
-        coefficients[0, 0, law.bodies[k]] = torque
+    for piece in range(program.held.shape[0]):
+        for power in range(program.held.shape[1]):
+            for k in range(joints):
+                torque = x[program.held[piece, power, k]]
+                drive.coefficients[piece, power, law.bodies[k]] = torque
+    for k in range(law.breaks.shape[1]):
+        drive.breaks[k] = law.breaks[row, k]
+    for k in range(program.noted.shape[0]):
+        law.noted[row, k] = x[program.noted[k]]
     remember(program)
     return True
 
@@ -96,7 +106,7 @@ def _held_until(system: System, state: Array, law: SampledLaw) -> float:
             return -1.0
     if counts[TICK] == counts[LAST]:
         return -1.0
-    if not _commanded(system.sizes, state, system.drive.coefficients, law):
+    if not _commanded(system.sizes, state, system.drive, law):
         return -1.0
     counts[TICK] += 1
     counts[END] = WITHIN

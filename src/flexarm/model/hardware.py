@@ -339,8 +339,8 @@ class Motors(Record, kw_only=False):
 
 
 def _of_joints(name: str, value: Any) -> Any:
-    """Return an array of numbers; one of a run is not checked, because loops call this often."""
-    if type(value).__name__ == "ndarray" and value.dtype in ("float64", "complex128"):
+    """Return an array of numbers; one of a run, or of its program, is not checked, for speed."""
+    if type(value).__name__ in ("ndarray", "Recorded") and value.dtype in ("float64", "complex128"):
         return value
     return check_numbers(name, value, "be numbers of shape (joints,)")
 

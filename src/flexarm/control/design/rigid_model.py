@@ -11,7 +11,8 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.errors import InputError, Problem, raise_any, shown
-from flexarm.control.contract.base import Reference, SampledFeedforward, numbers
+from flexarm.control.contract.base import Reference, SampledFeedforward, applied, numbers
+from flexarm.control.contract.law_program import is_recorded, recorded_term
 from flexarm.control.design.minimal import drifting
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.kernels.columns import HAS_JOINT_LAWS
@@ -60,6 +61,7 @@ class RigidModel:
         self._state, self._acceleration = kernels.zeros(2), kernels.zeros()
         self._mass = np.zeros(kernels.shape * 2)
         self._nothing = np.zeros(self.joints)
+        self._joint_of = _selection(len(self._mass), self._bodies)
 
     def torque(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
         """Return the torque (joints,) N m of a motion: M qdd + bias, gravity included."""
@@ -78,12 +80,23 @@ class RigidModel:
             qd[self._base.places] = self._base.rates_at_rest(q, rate)
             qdd = self._base.accelerated(q, qd, acceleration)
             return self.arm.inverse_dynamics(q, qd, qdd)[self.arm.joint_index]
+        if is_recorded(angle):
+            return self._recorded("inverse_dynamics", angle, rate, acceleration)[self._bodies]
         self._state[0, self._bodies, 0] = angle
         self._state[1, self._bodies, 0] = rate
         self._acceleration[self._bodies, 0] = acceleration
         forces = self._kernels.inverse_dynamics(self._state, self._acceleration)
         torque: FloatArray = forces[self._bodies, 0]
         return torque
+
+    def _recorded(self, term: str, *motion: Any) -> FloatArray:
+        """Record the generalised forces (n,) or the mass matrix (n, n) of a motion."""
+        motion = (*motion, self._nothing, self._nothing)[:3]
+        rows = (np.concatenate([row, [0.0]])[self._joint_of] for row in motion)
+        n = len(self._joint_of)
+        shape = (n,) if term == "inverse_dynamics" else (n, n)
+        result: FloatArray = recorded_term(term, self._kernels, rows, shape)
+        return result
 
     def _torques(self, angle: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
         if self._actuation is not None or self._base is not None:
@@ -108,9 +121,13 @@ class RigidModel:
         """Return the mass matrix (joints, joints), kg m^2; (runs, joints, joints) of several."""
         if angle.ndim > 1:
             return np.array([self.mass_matrix(one) for one in angle])
-        self._state[0, self._bodies, 0] = angle
-        self._kernels.call(mass_matrix, self._state, self._kernels.work, self._mass)
-        mass: FloatArray = self._mass[self._bodies, 0][:, self._bodies, 0]
+        if is_recorded(angle):
+            whole = self._recorded("mass_matrix", angle)
+        else:
+            self._state[0, self._bodies, 0] = angle
+            self._kernels.call(mass_matrix, self._state, self._kernels.work, self._mass)
+            whole = self._mass[:, 0, :, 0]
+        mass = whole[self._bodies][:, self._bodies]
         if self._base is not None:
             of_base, coupling = self._base.split(self._base.placed(angle))
             mass = mass - coupling.T @ np.linalg.solve(of_base, coupling)
@@ -118,6 +135,13 @@ class RigidModel:
             P = self._actuation.motions(angle)
             return np.asarray(P.T @ mass @ P)
         return mass.copy()  # in the layout of that of several, for the same rounding of products
+
+
+def _selection(count: int, places: Any) -> Any:
+    """Return for each of ``count`` numbers its index in ``places``, or the length of these."""
+    found = np.full(count, len(places))
+    found[places] = np.arange(len(places))
+    return found
 
 
 #: Number of corrections of the sag at the first call. Each one reduces the error by about the ratio
@@ -145,7 +169,9 @@ class SaggingArm:
         self._places = np.unravel_index(assembly.coordinates[elastic], self._still.shape)
         weightless = Arm(arm.spec.replace(gravity=(0.0, 0.0)))
         stiffness = weightless.stiffness_matrix(weightless.rest(np.zeros(arm.n_joints)))
-        self._compliance = np.linalg.inv(stiffness[np.ix_(elastic, elastic)])
+        self._compliance: Any = np.linalg.inv(stiffness[np.ix_(elastic, elastic)])
+        places = [self._bodies * self._still.shape[1], assembly.coordinates[elastic]]
+        self._selection = _selection(self._still.size, np.concatenate(places))
 
     def first_sag(self, angle: FloatArray) -> FloatArray:
         """Return the sag, in elastic coordinates, at the first joint angles."""
@@ -156,11 +182,18 @@ class SaggingArm:
 
     def gravity_torque(self, angle: FloatArray, sag: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the torque (joints,) N m at rest, joint springs included, and the next sag."""
-        self._state[0, self._bodies, 0] = angle
-        self._state[0][self._places] = sag
-        force = self._kernels.inverse_dynamics(self._state, self._still)
+        if is_recorded(angle):
+            still = np.zeros(2 * self._still.size)
+            operands = np.concatenate([angle, sag, [0.0]])[self._selection], still
+            shape = self._still.shape
+            force = recorded_term("inverse_dynamics", self._kernels, operands, shape)
+        else:
+            self._state[0, self._bodies, 0] = angle
+            self._state[0][self._places] = sag
+            force = self._kernels.inverse_dynamics(self._state, self._still)
         torque: FloatArray = force[self._bodies, 0]
-        return torque, sag - self._compliance @ force[self._places]
+        sunk: FloatArray = sag - applied(self._compliance, force[self._places])
+        return torque, sunk
 
 
 #: Column of a set for each parameter of a link and of a joint; the derivative is 1 there.
@@ -243,6 +276,10 @@ class RigidParameters:
         other row is the torque per unit of its parameter. Without ``ordered`` the rows have the
         order of ``placed``, which is faster.
         """
+        if is_recorded(angle):
+            rows = angle, rate, reference_rate, reference_acceleration
+            columns = self._recorded("regressor", rows, self._sets, self._inertial)
+            return columns[self._order] if ordered else columns
         motion = self._motion
         motion[0], motion[1] = angle, rate
         motion[2], motion[3] = reference_rate, reference_acceleration
@@ -250,6 +287,13 @@ class RigidParameters:
         buffers = self._state, self._acceleration, self._columns
         self._kernels.call(regressor, *work, motion, *buffers)
         return self._columns[self._order] if ordered else self._columns
+
+    def _recorded(self, term: str, rows: Any, sets: Any, inertial: int = 0) -> FloatArray:
+        """Record the columns (sets, joints) of a term."""
+        parameters = self._bodies, sets, inertial
+        shape = len(sets), self.joints
+        columns: FloatArray = recorded_term(term, self._kernels, rows, shape, *parameters)
+        return columns
 
     def placed(self, numbers: FloatArray) -> FloatArray:
         """Return numbers (known + p,) in the order of the rows of the unordered ``regressor``."""
@@ -259,6 +303,9 @@ class RigidParameters:
 
     def momentum(self, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return M qd and its rate without motors, C' qd - g - losses, (2, joints)."""
+        if is_recorded(angle):
+            rows = angle, rate, np.zeros(2 * self.joints)
+            return self._recorded("momentum", rows, self._split)
         self._angle[:], self._rate[:] = angle, rate
         work = self._kernels.loads, self._kernels.work, self._split, self._bodies
         buffers = self._angle, self._rate, self._unit, self._state, self._acceleration

@@ -138,6 +138,17 @@ class Noise(Protocol):
         """Return normally distributed numbers of shape ``size``."""
 
 
+class _Given:
+    """Noise that was drawn before."""
+
+    def __init__(self, noise: Any) -> None:
+        self._noise = noise
+
+    def normal(self, loc: float, scale: float, size: tuple[int, ...]) -> Any:
+        """Return the noise."""
+        return self._noise
+
+
 class NoiseOfRuns:
     """Noise of several runs, each with the numbers of its own generator."""
 
@@ -184,11 +195,48 @@ class Readings:
         self.limited = instrument.limit < math.inf
         self.exact = immediate and not any(errors) and not self.limited
         self._frames_taken = 0
+        self._next = 0  # number of the next sample
         self._at_limit: Any = 0.0  # frames of each number, all and in a row
         self._in_a_row: Any = 0.0
         self._longest: Any = 0.0
         if cutoff is not None:
             self._forget, self._per_change = filter_of(cutoff, self._every * tick)
+
+    @property
+    def steps_alike(self) -> bool:
+        """Whether all samples have the same operations, after the first ``late`` ones."""
+        return self._every == 1 and not self._instrument.faults
+
+    @property
+    def late(self) -> int:
+        """Delay of the readings, in samples."""
+        return self._late
+
+    def noise(self, samples: int, size: int) -> FloatArray:
+        """Return the noise (samples, size) of the next frames; no columns without noise."""
+        deviation = self._instrument.noise
+        shape = samples, size if deviation else 0
+        return np.asarray(self._generator.normal(0.0, deviation, shape))
+
+    def numbers(self) -> dict[str, Any]:
+        """Return the state between samples by name, if it does not change its size."""
+        found = {"_last": self._last, "_rate": self._rate}
+        for i, (_, *frame) in enumerate(self._frames):
+            found |= {f"value {i}": frame[0], f"rate {i}": frame[1]}
+        if self.limited:
+            found |= {name: getattr(self, name) for name in ("_at_limit", "_in_a_row", "_longest")}
+        return {name: value for name, value in found.items() if value is not None}
+
+    def set_numbers(self, k: int, numbers: Mapping[str, Any], noise: Any = None) -> None:
+        """Set the state before sample k, and the noise of its frame."""
+        for name in numbers.keys() & vars(self).keys():
+            setattr(self, name, numbers[name])
+        frames = ((numbers[f"value {i}"], numbers.get(f"rate {i}")) for i in range(self._late))
+        self._frames = deque((k + i, *frame) for i, frame in enumerate(frames))
+        self._frames_taken += k - self._next
+        self._next = k
+        if noise is not None:
+            self._generator = _Given(noise)
 
     def wants(self, k: int) -> bool:
         """Return whether sample k is a frame of the instrument."""
@@ -196,6 +244,7 @@ class Readings:
 
     def take(self, k: int, value: FloatArray) -> None:
         """Take the frame at sample k."""
+        self._next = k + 1
         acting = [one for one in self._instrument.faults if one.acts(k * self._tick)]
         if acting:
             value = faulty(value, acting, k * self._tick)
@@ -222,7 +271,7 @@ class Readings:
         it = self._instrument
         read = value + it.bias
         if it.noise > 0.0:
-            read += self._generator.normal(0.0, it.noise, read.shape)
+            read = read + self._generator.normal(0.0, it.noise, read.shape)
         if it.resolution > 0.0:
             read = it.resolution * np.round(read / it.resolution)
         if not self.limited:

@@ -90,13 +90,13 @@ class DisturbanceObserver(DisturbanceObserverParameters, OfArm, Around):
         # The trapezoidal rule is accurate, because the torque is constant over the sample and
         # the other terms are nearly linear.
         pushed = (now[0] - memory["momentum"][0]) / self.sample_time
-        pushed -= readings.get("torque", memory["commanded"])
-        pushed -= 0.5 * (now[1] + memory["momentum"][1])
+        pushed = pushed - readings.get("torque", memory["commanded"])
+        pushed = pushed - 0.5 * (now[1] + memory["momentum"][1])
         if self._actuation is not None:
             # The closure forces vanish; they are not constant over the sample, nor are the motions.
             middle = 0.5 * (memory["angle"] + readings.joint_angle)
             pushed = pushed @ self._actuation.motions(middle)
-        pushed -= memory["estimate"]
+        pushed = pushed - memory["estimate"]
         estimate = memory["estimate"] + memory["intervals"] * (self._taken * pushed)
         inside, torque = self._inner_step(memory, readings, inputs)
         torque = torque - self.compensation * estimate

@@ -20,6 +20,7 @@ from flexarm.control.contract.base import (
     Measurement,
     Reference,
     Step,
+    applied,
 )
 from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import (
@@ -29,7 +30,7 @@ from flexarm.control.design.arm_scales import (
     typical_torque,
 )
 from flexarm.control.design.rigid_model import RigidParameters, parameter_names
-from flexarm.kernels.controller_terms.adaptation import adaptive_torque, network_torque
+from flexarm.kernels.controller_terms.adaptation import network_torque
 from flexarm.model.drives.controllers import (
     AdaptiveParameters,
     RBFAdaptiveParameters,
@@ -158,13 +159,11 @@ class SlidingMode(SlidingModeParameters, SlidingController):
         rows = self._model.regressor(
             now.angle, now.rate, now.reference_rate, now.reference_acceleration, ordered=False
         )
-        switching = self._errors.dot(abs(rows))
-        switching += self._floor
+        rows = np.swapaxes(rows, 0, 1)
         # ``minimum`` and ``maximum`` take half the time of ``clip``.
-        switching *= np.minimum(np.maximum(now.s / self.boundary_layer, -1.0), 1.0)
-        torque: FloatArray = self._believed.dot(rows)
-        torque -= self.damping * now.s
-        torque -= switching
+        within = np.minimum(np.maximum(now.s / self.boundary_layer, -1.0), 1.0)
+        switching = within * (applied(abs(rows), self._errors) + self._floor)
+        torque: FloatArray = applied(rows, self._believed) - self.damping * now.s - switching
         return after, torque
 
 
@@ -179,8 +178,6 @@ class Adaptive(AdaptiveParameters, SlidingController):
         InputError: if a name is unknown, a number is negative or not finite, or a lower bound
             exceeds the upper one, or ``sample_time`` is too long.
     """
-
-    _law = staticmethod(adaptive_torque)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -220,12 +217,20 @@ class Adaptive(AdaptiveParameters, SlidingController):
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         after, now = self._slid(memory, readings, inputs)
-        estimate, torque = memory["estimate"].copy(), np.zeros_like(now.s)
+        estimate, known = memory["estimate"], self._model.known
         reference = now.reference_rate, now.reference_acceleration
         columns = self._model.regressor(now.angle, now.rate, *reference)
-        gains = self.damping, self.adaptation, self.leakage, self.dead_zone
-        limits = self._start, self._lower, self._upper, self.sample_time
-        self._law(columns, self._model.known, now.s, *gains, *limits, estimate, torque)
+        per_parameter = columns[known:]
+        torque = applied(np.swapaxes(per_parameter, 0, 1), estimate) - self.damping * now.s
+        for column in columns[:known]:
+            torque = torque + column
+        # The error is counted from the edge of the dead zone, so that adaptation starts smoothly.
+        size = np.sqrt(np.add.accumulate(now.s * now.s, axis=0)[-1])
+        counted = np.maximum(size - self.dead_zone, 0.0) / np.maximum(size, 1e-300)
+        rate = -self.adaptation * (counted * applied(per_parameter, now.s))
+        rate = rate - self.leakage * (estimate - self._start)
+        moved = estimate + self.sample_time * rate
+        estimate = np.minimum(np.maximum(moved, self._lower), self._upper)
         return {"estimate": estimate, **after}, torque
 
 

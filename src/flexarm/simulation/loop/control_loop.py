@@ -27,7 +27,6 @@ from flexarm.control.contract.base import (
 from flexarm.control.hardware.measurement import (
     Measurement,
     Readings,
-    readings_by_name,
     stride_and_delay,
 )
 from flexarm.integrate.base import FloatArray, Status, System
@@ -44,7 +43,11 @@ from flexarm.simulation.loop.devices import (
     measured_names,
     sensing_of_run,
 )
-from flexarm.simulation.loop.programmed_samples import ProgrammedSamples, programmed_samples
+from flexarm.simulation.loop.programmed_samples import (
+    ProgrammedSamples,
+    first_sample,
+    programmed_samples,
+)
 from flexarm.simulation.run.integrator_choice import friction_doubt
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.validity import RunawayWatch
@@ -352,7 +355,8 @@ class ClosedLoop(RunLoop):
         self._reference = sampled_reference(reference, controller.sample_time, run.duration)
         super().__init__(run, controller.sample_time, hardware)
         self._runaway, self._torque_of = RunawayWatch(run.arm), update_of(controller)
-        self._measured: list[Measurement] = []
+        self._measured: list[Mapping[str, FloatArray]] = []  # (samples, ...) by name
+        self._first_programmed = first_sample(self) if self._is_programmed else None
         self._programmed: ProgrammedSamples | None = None
         self.seconds = 0.0  # spent in the controller
 
@@ -368,14 +372,13 @@ class ClosedLoop(RunLoop):
         return self._reference
 
     def _skip(self) -> None:
-        if self.tick == 1 and self._is_programmed:
-            small = self._runaway.surely_small
-            self._programmed = programmed_samples(self, self._first, small)
+        if self.tick == self._first_programmed:
+            self._programmed = programmed_samples(self, self._runaway.surely_small)
         while self._programmed is not None and self._runs_on():
             status, end = self._programmed.advance()
             if status is Status.PAUSED:  # many steps within a sample
                 self.run.max_steps *= 2
-                self._advance(self.now, min(self.time, self.end))
+                self._system = self.run.carry_to(self._system, min(self.time, self.end))
                 self._look()
             elif status is not Status.DONE:
                 raise self.run.failure(status)
@@ -404,14 +407,25 @@ class ClosedLoop(RunLoop):
         run.meter.update(progress.time / run.duration)
         return status
 
-    def add_holds(self, commands: FloatArray) -> None:
-        """Note commands (samples, joints) that were held from the present sample time on."""
+    def add_samples(
+        self,
+        commands: FloatArray,
+        readings: Mapping[str, FloatArray],
+        torques: Sequence[FloatArray],
+    ) -> None:
+        """Note samples from the present one on, (samples, ...) each; see `Acting.add_holds`."""
         times = np.asarray((self.tick + np.arange(len(commands))) * self.sample_time)
         self.times += times.tolist()
         self.commands += list(commands)
-        self.acting.add_holds(times, commands)
+        self.acting.add_holds(times, *torques)
+        self._measured.append(readings)
         self.tick += len(commands)
         self.time = self.tick * self.sample_time
+
+    def signals(self) -> Mapping[str, FloatArray]:
+        """Return what exact sensors read at the present sample time."""
+        sensors, state = sensing_of_run(self.run, None, self.sample_time), self.run.progress.state
+        return sensors.values(self.tick, state, self._system, self.time)
 
     def _look(self) -> None:
         run = self.run
@@ -426,9 +440,7 @@ class ClosedLoop(RunLoop):
     def _command(self) -> FloatArray:
         measurement = self.measure()
         if self.hardware is not None:
-            self._measured.append(measurement)
-        if self.tick == 0:
-            self._first = measurement
+            self._measured.append({name: value[None] for name, value in measurement.items()})
         return self._update(self.time, measurement)
 
     def _update(self, t: float, measurement: Measurement) -> FloatArray:
@@ -459,4 +471,5 @@ class ClosedLoop(RunLoop):
 
     def readings(self) -> Mapping[str, FloatArray]:
         """Return the readings of the hardware's instruments by name: (samples, k)."""
-        return readings_by_name(self._measured)
+        names = self._measured[0] if self._measured else ()
+        return {name: np.concatenate([part[name] for part in self._measured]) for name in names}

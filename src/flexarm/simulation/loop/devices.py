@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,37 @@ if TYPE_CHECKING:
 #: A first-order lag is approximated by cubics over this fraction of its time constant, up to this
 #: many time constants, within 1e-5 and 5e-5 of the change of torque.
 _PIECE, _SETTLED = 0.25, 10.0
+#: Relative difference of times that is rounding.
+_SAME = 1e-12
+
+
+def _remaining(target: Any, initial: Any, left: Any) -> Any:
+    """Return the torque of which the share ``left`` of the change to the target remains."""
+    return target + (initial - target) * left
+
+
+def _towards(target: Any, start: Any, shapes: Any) -> Any:
+    """Return the coefficients (pieces, 4, ...) of a torque that approaches its target."""
+    coefficients = shapes.reshape(*shapes.shape, *(1,) * target.ndim) * (start - target)
+    return np.concatenate([coefficients[:, :1] + target, coefficients[:, 1:]], axis=1)
+
+
+@lru_cache(maxsize=64)
+def _lag_shapes(followed: float, lag: float, count: int) -> tuple[float, FloatArray]:
+    """Return the length (s) of a piece, and coefficients (count, 4) of the remaining torque.
+
+    The torque that remains falls by the same factor in each piece, so that all pieces have the
+    coefficients of the first one, times the torque that remains at their starts.
+    """
+    h = followed / (count - 1)
+    fallen = -math.expm1(-h / lag)
+    mean = fallen / h
+    first = [1.0, -1.0 / lag, 0.0, 0.0]
+    first[2] = -(3.0 * mean - (3.0 - fallen) / lag) / h
+    first[3] = -((2.0 - fallen) / lag - 2.0 * mean) / h**2
+    shapes = np.multiply.outer(np.exp(-h / lag * np.arange(count)), first)
+    shapes[-1, 1:] = 0.0  # the torque is constant after the last break
+    return h, shapes
 
 
 def torque_limits(hardware: Hardware | None, joints: int) -> FloatArray:
@@ -128,13 +160,15 @@ class Acting:
         """Return the time at which the commanded torque changes next, at most ``until``."""
         if not self._waiting:
             return until
-        return min([until, *(due for due, _ in self._waiting if due > t)])
+        # A command that is due earlier than ``until`` by rounding alone is due then.
+        latest = until * (1.0 - _SAME)
+        return min([until, *(due for due, _ in self._waiting if t < due < latest)])
 
     def hold(self, t: float, rate: FloatArray | None) -> None:
         """Apply the due command; rates (joints,) rad/s matter unless motors are ``plain``."""
         due = None
         # A command that is due later by rounding alone is due now.
-        while self._waiting and self._waiting[0][0] <= t * (1.0 + 1e-12):
+        while self._waiting and self._waiting[0][0] <= t * (1.0 + _SAME):
             due = self._waiting.popleft()[1]
         if due is None and self._since:
             return
@@ -150,37 +184,88 @@ class Acting:
         self._initial.append(now if self._lag > 0.0 else target)
         self._target.append(target)
 
-    def add_holds(self, times: FloatArray, torques: FloatArray) -> None:
-        """Note torques (k, joints) that ``plain`` motors applied from times (k,) on."""
-        rows = list(torques)
+    def add_holds(
+        self,
+        times: FloatArray,
+        requested: FloatArray,
+        target: FloatArray | None = None,
+        initial: FloatArray | None = None,
+    ) -> None:
+        """Note torques (k, joints) of changes at times (k,); by default those that are before."""
+        target = requested if target is None else target
         self._since += times.tolist()
-        for past in (self._requested, self._initial, self._target):
-            past += rows
+        self._requested += list(requested)
+        self._target += list(target)
+        self._initial += list(target if initial is None else initial)
 
     def cubics(self, t: float, until: float) -> tuple[FloatArray, FloatArray]:
         """Return breaks (pieces + 1,) of the torque, and coefficients (pieces, 4, joints)."""
-        target, count, lag = self._target[-1], self.pieces, self._lag
-        if lag == 0.0:
-            coefficients = np.zeros((count, 4, *target.shape), dtype=target.dtype)
+        target = self._target[-1]
+        if self._lag == 0.0:
+            coefficients = np.zeros((self.pieces, 4, *target.shape), dtype=target.dtype)
             coefficients[:, 0] = target
             return np.array([t, until]), coefficients
+        breaks, shapes = self.shapes(t, until)
+        coefficients = _towards(target, self._now(t), shapes)
+        return breaks, coefficients
+
+    def shapes(self, t: float, until: float) -> tuple[FloatArray, FloatArray]:
+        """Return breaks (pieces + 1,), and coefficients (pieces, 4) of the remaining torque."""
+        lag, count = self._lag, self.pieces
         followed = min(until - t, _SETTLED * lag)
-        h, numbers = followed / (count - 1), np.arange(count)
-        # The torque that remains falls by the same factor in each piece, so that all pieces have
-        # the coefficients of the first one, times the torque that remains at their starts.
-        fallen = -math.expm1(-h / lag)
-        mean = fallen / h
-        first = [-1.0, 1.0 / lag, 0.0, 0.0]
-        first[2] = (3.0 * mean - (3.0 - fallen) / lag) / h
-        first[3] = ((2.0 - fallen) / lag - 2.0 * mean) / h**2
-        shapes = np.multiply.outer(np.exp(-h / lag * numbers), first)
-        shapes[-1, 1:] = 0.0  # the torque is constant after the last break
-        coefficients = np.multiply.outer(shapes, target - self._now(t))
-        coefficients[:, 0] += target
-        breaks = np.append(t + h * numbers, max(until, t + followed))
+        h, shapes = _lag_shapes(followed, lag, count)
+        breaks = np.empty(count + 1)
+        breaks[:-1] = t + h * np.arange(count)
+        breaks[-1] = max(until, t + followed)
         if breaks[-1] == breaks[-2]:  # breaks must increase, even if the last piece is empty
             breaks[-1] += lag
-        return breaks, coefficients
+        return breaks, shapes
+
+    def delay_in(self, sample_time: float) -> int | None:
+        """Return the delay in samples; None if it is not a multiple of the sample time."""
+        count = self._delay / sample_time
+        return round(count) if abs(count - round(count)) <= _SAME * count else None
+
+    def numbers(self) -> dict[str, FloatArray]:
+        """Return the state between samples by name."""
+        found = {f"waiting {i}": torque for i, (_, torque) in enumerate(self._waiting)}
+        if self._lag > 0.0:
+            found |= {"initial": self._initial[-1], "target": self._target[-1]}
+        return found
+
+    def planned(self, t: float, until: float, before: float) -> tuple[dict[str, Any], FloatArray]:
+        """Return what ``step`` requires at a sample time t, and the breaks of ``cubics``.
+
+        The sample before is at ``before``. There are no breaks if the motors are ``plain``.
+        """
+        if self._lag == 0.0:
+            return {}, np.zeros(0) if self.plain else np.array([t, until])
+        breaks, shapes = self.shapes(t, until)
+        return {"left": math.exp(-(t - before) / self._lag), "shapes": shapes}, breaks
+
+    def step(
+        self, numbers: Mapping[str, Any], torque: Any, rate: Any, planned: Mapping[str, Any]
+    ) -> tuple[dict[str, Any], Any, list[Any]]:
+        """Return the next ``numbers``, torques as in ``Drive``, and rows for ``add_holds``.
+
+        The samples before have commands, and the delay is a multiple of the sample time.
+        """
+        waiting = [numbers[name] for name in numbers if name.startswith("waiting")]
+        request, *waiting = [*waiting, torque]
+        target = request if self.plain else self._motors.allowed(request, rate)
+        after = {f"waiting {i}": row for i, row in enumerate(waiting)}
+        if self._lag == 0.0:
+            return after, target.reshape(1, 1, -1), [] if self.plain else [request, target]
+        initial = _remaining(numbers["target"], numbers["initial"], planned["left"])
+        start = _remaining(target, initial, 1.0)
+        after |= {"initial": initial, "target": target}
+        return after, _towards(target, start, planned["shapes"]), [request, target, initial]
+
+    def set_numbers(self, numbers: Mapping[str, Any], times: FloatArray) -> None:
+        """Set the commands that wait, the first of them given at the first of ``times``."""
+        rows = [numbers[name] for name in numbers if name.startswith("waiting")]
+        due = (times + self._delay).tolist()
+        self._waiting = deque(zip(due[: len(rows)], rows, strict=True))
 
     def saturated(self) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return the times (k,) s of all changes, and which motors (k, joints) are at a limit."""
@@ -194,7 +279,8 @@ class Acting:
         if self._lag == 0.0:
             return self._target[-1]
         left = math.exp(-(t - self._since[-1]) / self._lag)
-        return self._target[-1] + (self._initial[-1] - self._target[-1]) * left
+        now: FloatArray = _remaining(self._target[-1], self._initial[-1], left)
+        return now
 
     def at(self, times: FloatArray) -> FloatArray:
         """Return the applied torque (T, joints) at times (T,)."""
