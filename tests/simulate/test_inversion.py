@@ -1,5 +1,6 @@
 """Torques by inversion, checked by simulation of the full model."""
 
+import pickle
 from functools import cache
 
 import numpy as np
@@ -124,12 +125,14 @@ def test_geared_arms_under_gravity(drive, duration):
     motion = fa.joint_motion(arm, [0.2, 0.8], [1.2, 0.3], duration, start_time=1.0)
     found = fa.tip_inversion(arm, motion)
     assert found.tip_error < found.rigid_tip_error / 300.0
+    copied = pickle.loads(pickle.dumps(found)).reference
     law = fa.JointPD([200.0, 80.0], [20.0, 8.0], feedforward=found.torque)
     run = fa.simulate(
         arm, found.end, controller=law, reference=found.reference, initial=found.initial
     )
     away = run.tip.values[:, :2] - motion.tip(run.time.values)
     assert np.abs(away).max() < found.rigid_tip_error / 300.0
+    np.testing.assert_array_equal(copied.joint_angle(1.5), found.reference.joint_angle(1.5))
 
 
 @pytest.mark.thorough

@@ -1,6 +1,7 @@
 """Motors, instruments, joint stops and contacts at their limits: numbers and warnings of runs."""
 
 import warnings
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -61,6 +62,7 @@ def test_windup_of_a_saturated_motor_is_reported():
     assert abs(wound.joint_angle[-1, 0] - 1.0) > 20.0
     assert len(warned) == 1
     assert "motor 1 is at its limit" in warned[0]
+    assert "an integral that stops at the limit" in warned[0]
     assert warned[0] in wound.attrs["warning"]
     assert wound.saturation[0] > 0.9
     assert wound.longest_saturation[0] > 3.0
@@ -68,10 +70,52 @@ def test_windup_of_a_saturated_motor_is_reported():
     kept, warned = run(law)
     assert abs(kept.joint_angle[-1, 0] - 1.0) < 0.01
     assert len(warned) == 1
+    assert "integral" not in warned[0]
     assert 0.9 > kept.saturation[0] > 0.2
     assert law.torque_limit == np.inf  # as before the run
     same, _ = run(fa.JointPID(*gains, torque_limit=1.0, sample_time=0.004))
     assert same.joint_angle.equals(kept.joint_angle)
+
+
+def test_limits_that_are_handed_to_a_law():
+    """A limit of its own that is larger is reduced, joint by joint, and restored."""
+    arm = fa.Arm(links=[fa.Link(length=0.5, flexible=False, mass_per_length=1.0)] * 2)
+    motion = fa.joint_motion(arm, [0.0, 0.0], [1.0, 0.5], 0.2)
+    motors = limited(torque_limit=[1.0, 0.5])
+    peaks = []
+    for limit in (np.inf, [np.inf, 0.4], 100.0, [1.0, 0.4]):
+        law = fa.JointPID(30.0, 6.0, 100.0, torque_limit=limit)
+        run, _ = texts(arm, 0.5, controller=law, reference=motion, hardware=motors)
+        peaks.append(np.abs(run.torque_command.values).max(axis=0).tolist())
+        np.testing.assert_array_equal(law.torque_limit, limit)
+    assert peaks == [[1.0, 0.5], [1.0, 0.4], [1.0, 0.5], [1.0, 0.4]]
+
+
+def test_a_braking_motor_exceeds_its_torque_at_rest():
+    """Back electromotive force helps to brake: a voltage is no limit that a law can have."""
+    arm = fa.Arm(links=[fa.Link(length=0.5, flexible=False, mass_per_length=1.0)])
+    winding = fa.Motors(torque_constant=1.0, resistance=1.0, voltage_limit=3.0)
+    initial = {"initial": [0.0], "initial_rate": [1.5]}
+    for law in (fa.JointPD(0.0, 2.5), fa.JointPID(0.0, 2.5)):
+        run, _ = texts(arm, 0.05, controller=law, hardware=fa.Hardware(motors=winding), **initial)
+        assert run.torque.values[0, 0] == pytest.approx(-3.75)
+        assert run.saturation.item() == 0.0
+
+
+def test_other_limits_of_a_users_law_stay_as_they_are():
+    @dataclass(frozen=True)
+    class Frozen:
+        sample_time: float = TICK
+        torque_limit: None = None
+
+        def reset(self):
+            pass
+
+        def update(self, t, measurement, reference):
+            return [2.0 - measurement.joint_angle[0]]
+
+    run, _ = texts(one_link(), 0.02, controller=Frozen(), hardware=limited(torque_limit=1.0))
+    assert run.saturation.item() == 1.0
 
 
 def test_numbers_of_saturated_motors():

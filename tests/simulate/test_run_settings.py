@@ -45,7 +45,16 @@ def test_a_run_without_a_rate_has_enough_samples_at_any_size(length):
 
 @pytest.mark.parametrize(
     ("duration", "rate"),
-    [(2e-4, 5e5), (0.03, 5000.0), (0.1, 1000.0), (1000.0, 1000.0), (1001.0, 500.0), (4e6, 0.2)],
+    [
+        (2e-4, 5e5),
+        (0.03, 5000.0),
+        (0.1, 1000.0),
+        (1000.0, 1000.0),
+        (1001.0, 500.0),
+        (4e6, 0.2),
+        (np.nextafter(1e3, 2e3), 500.0),
+        (np.nextafter(1e4, 2e4), 50.0),
+    ],
 )
 def test_default_rates_are_round(duration, rate):
     assert recording_rate(None, duration) == pytest.approx(rate, rel=1e-15)

@@ -139,9 +139,9 @@ class RigidModel:
 
 def _selection(count: int, places: Any) -> Any:
     """Return for each of ``count`` numbers its index in ``places``, or the length of these."""
-    found = np.full(count, len(places))
-    found[places] = np.arange(len(places))
-    return found
+    index = np.full(count, len(places))
+    index[places] = np.arange(len(places))
+    return index
 
 
 #: Number of corrections of the sag at the first call. Each one reduces the error by about the ratio

@@ -220,12 +220,12 @@ class Readings:
 
     def numbers(self) -> dict[str, Any]:
         """Return the state between samples by name, if it does not change its size."""
-        found = {"_last": self._last, "_rate": self._rate}
+        state = {"_last": self._last, "_rate": self._rate}
         for i, (_, *frame) in enumerate(self._frames):
-            found |= {f"value {i}": frame[0], f"rate {i}": frame[1]}
+            state |= {f"value {i}": frame[0], f"rate {i}": frame[1]}
         if self.limited:
-            found |= {name: getattr(self, name) for name in ("_at_limit", "_in_a_row", "_longest")}
-        return {name: value for name, value in found.items() if value is not None}
+            state |= {name: getattr(self, name) for name in ("_at_limit", "_in_a_row", "_longest")}
+        return {name: value for name, value in state.items() if value is not None}
 
     def set_numbers(self, k: int, numbers: Mapping[str, Any], noise: Any = None) -> None:
         """Set the state before sample k, and the noise of its frame."""

@@ -119,6 +119,8 @@ class JointPID(JointFollower, JointPIDParameters):
             joints of ``arm``.
     """
 
+    knows_limits = True
+
     _: KW_ONLY
     arm: Arm | None = Field(
         default=None,
@@ -133,8 +135,8 @@ class JointPID(JointFollower, JointPIDParameters):
     torque_limit: Any = Field(
         default=math.inf,
         description="Largest requested torque (N m), one number or one per joint. At the limit the "
-        "integral is not advanced in the direction of more torque (anti-windup). Without one, "
-        "that of the motors in a run with ``hardware``.",
+        "integral is not advanced in the direction of more torque (anti-windup). Simulations "
+        "reduce it to that of the motors.",
     )
 
     def __post_init__(self) -> None:

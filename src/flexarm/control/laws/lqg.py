@@ -78,6 +78,7 @@ class LQG(LQGParameters, OfArm, Controller):
 
     vectorized = analytic = True  # along a reference
     compensates_friction = False
+    knows_limits = True
     _unsupported: ClassVar[tuple[str, ...]] = ()
     references: ClassVar[str] = "BrysonHo1975 DoyleStein1981 Maciejowski1985 TahkSpeyer1987"
 

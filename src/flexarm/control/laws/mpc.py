@@ -50,6 +50,7 @@ class MPC(MPCParameters, LQG):
     """
 
     vectorized = analytic = False
+    knows_limits = False  # plans within its own ones
     references = "LawsonHanson1974"
 
     def _prepare(self) -> None:

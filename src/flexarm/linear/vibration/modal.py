@@ -488,9 +488,9 @@ def _matched(values: _ComplexArray, shapes: _ComplexArray) -> tuple[NDArray[np.i
 def lowest_frequency(arm: Arm) -> float:
     """Return the lowest angular frequency (rad/s) of the straight arm with locked joints.
 
-    Without gravity and nonlinear springs, and with gears at one end of their backlash. Infinite for
-    a rigid arm. Coordinates of the base that no spring holds are locked, too. Closures do not
-    count: they only raise frequencies.
+    Gravity and nonlinear springs do not act, and gears are at one end of their backlash. The
+    frequency is infinite for a rigid arm. Coordinates of the base that no spring holds are locked,
+    too. Closures do not count: they only raise frequencies.
     """
     from scipy.linalg import eigh
 
@@ -499,9 +499,10 @@ def lowest_frequency(arm: Arm) -> float:
     elastic = np.setdiff1d(np.arange(arm.dof), [*arm.joint_index, *springless])
     if not elastic.size:
         return np.inf
-    own = constants.joint_stiffness
-    held = np.where(own == 0.0, constants.limits[:, 2], own)  # the contacts of the backlash
-    springs = np.concatenate([held[:, None], constants.w2], axis=1)
+    stiffness = constants.joint_stiffness
+    contacts = constants.limits[:, 2]  # of the backlash
+    stiffness = np.where(stiffness == 0.0, contacts, stiffness)
+    springs = np.concatenate([stiffness[:, None], constants.w2], axis=1)
     mass = arm.mass_matrix(arm.rest(np.zeros(arm.n_joints)))[np.ix_(elastic, elastic)]
     square = eigh(np.diag(arm.unpadded(springs)[elastic]), mass, eigvals_only=True)
     return float(np.sqrt(square[0]))

@@ -81,8 +81,8 @@ class JointPIDKeys(JointPIDParameters):
     """Gravity compensation at the measured angles: none, of the rigid arm, or of the arm with bent
     links."""
     torque_limit: Annotated[Any, PerJoint(Positive)] | None = None
-    """Torque limit (N m), one for all joints or one for each; by default that of the motors of the
-    run."""
+    """Torque limit (N m), one for all joints or one for each; no limit by default. Simulations
+    reduce it to that of the motors."""
 
     @classmethod
     def _file_faults(cls, given: Given) -> Iterator[Fault]:

@@ -91,8 +91,8 @@ class LinearParameters(ControllerParameters):
     """Delay of the loop by motors and instruments for which the design is made, in whole samples:
     the state is predicted over it (s)."""
     torque_limit: Annotated[Any, PerJoint(Positive)] | None = None
-    """Largest requested torque, one for all joints or one for each (N m); by default that of the
-    motors of a run."""
+    """Largest requested torque, one for all joints or one for each (N m); no limit by default.
+    Simulations reduce it to that of the motors."""
     sample_time: SampleTime = 0.001
 
 

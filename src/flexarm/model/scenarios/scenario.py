@@ -212,7 +212,8 @@ def recording_rate(rate: float | None, duration: float) -> float:
         return RATE
     # Of 1, 2 and 5 times powers of ten, the least above the limit, or the largest below it.
     decade = 10.0 ** math.floor(math.log10(least if least > RATE else most))
-    rates = [factor * decade for factor in (1.0, 2.0, 5.0, 10.0)]
+    # Of a decade that rounding has increased, the rate below is that of the one before.
+    rates = [factor * decade for factor in (0.5, 1.0, 2.0, 5.0, 10.0)]
     if least > RATE:
         return min(each for each in rates if each >= least)
     return max(each for each in rates if each <= most)

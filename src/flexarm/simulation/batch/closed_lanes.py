@@ -51,7 +51,6 @@ from flexarm.simulation.loop.devices import (
     Sensing,
     hand_limits,
     measured_names,
-    torque_limits,
 )
 from flexarm.simulation.loop.stability import AnalysedLoop, Poles, Stability, stability
 from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
@@ -325,9 +324,10 @@ class ClosedLanes(Lanes):
             if loop.acting.limited:
                 since, saturated = loop.acting.saturated()
                 run, angle = group.ready[place], samples[row][:, 0, joints, 0]
-                motion, limits = run.drive.reference, (since, saturated[:, place])
+                law = run.drive.controller, run.drive.reference
+                limits = since, saturated[:, place]
                 with self._batch.users:  # the reference may be an object of the user
-                    text = motor_warning(run.arm, motion, times, angle, limits, own)
+                    text = motor_warning(run.arm, *law, times, angle, limits, own)
                 texts[row].append(text)
         return numbers | grown, texts
 
@@ -403,7 +403,7 @@ class LaneLoop(ControlLoop):
         loop = self._loops[rows[0]]
         try:
             mine = deepcopy(loop.controller)
-            hand_limits(mine, torque_limits(loop.hardware, self._joints))
+            hand_limits(mine, loop.hardware, self._joints)
             mine.reset()
         except Exception:
             self.alive[list(rows)] = False

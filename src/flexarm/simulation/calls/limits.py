@@ -12,7 +12,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import theory_error
 from flexarm.arm.observe import contact_values
 from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, LimitWarning
-from flexarm.control.contract.base import Reference
+from flexarm.control.contract.base import Controller, Reference, around
 from flexarm.control.hardware.measurement import Readings
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.contact import GAP, SURFACE
@@ -57,6 +57,7 @@ def motor_numbers(since: FloatArray, saturated: BoolArray, end: float) -> dict[s
 
 def motor_warning(
     arm: Arm,
+    controller: Controller,
     reference: Reference | None,
     times: FloatArray,
     angle: FloatArray,
@@ -90,9 +91,18 @@ def motor_warning(
     longest = float(numbers["longest_saturation"][worst])
     return (
         f"motor {number} is at its limit for {share:.0%} of the run, up to {longest:.3g} s at a "
-        f"time, and the error of its joint reaches {error[:, worst].max():.3g} rad: use a slower "
-        "motion or a stronger motor; see docs/how-to/sense-and-act.md."
+        f"time, and the error of its joint reaches {error[:, worst].max():.3g} rad: "
+        f"{_cure(controller)}; see docs/how-to/sense-and-act.md."
     )
+
+
+def _cure(controller: object) -> str:
+    laws, cure = list(around(controller)), "use a slower motion or a stronger motor"
+    knowing = any(getattr(law, "knows_limits", False) for law in laws)
+    own = Controller.initial_memory
+    if knowing or all(getattr(type(law), "initial_memory", None) is own for law in laws):
+        return cure
+    return f"{cure}, and an integral that stops at the limit, as that of fa.JointPID"
 
 
 def _harm(error: FloatArray, saturated: BoolArray) -> float:
@@ -221,7 +231,8 @@ def limits_of_run(
         times = run.sample_times[: run.progress.sample]
         angle = run.samples[: len(times), 0, run.arm.assembly.joint_body, 0]
         limits = since, saturated
-        texts.append(motor_warning(run.arm, loop.reference, times, angle, limits, numbers))
+        law = loop.controller, loop.reference
+        texts.append(motor_warning(run.arm, *law, times, angle, limits, numbers))
     return numbers, list(filter(None, texts))
 
 

@@ -297,16 +297,33 @@ def free_coefficients(knots: FloatArray) -> slice:
 class JointSupport:
     """Feedback ``stiffness (angle - joint_angle) + damping (rate - joint_rate)`` as an arm."""
 
-    arm: Arm  # the arm with the springs and dampers
+    bare: Arm  # the arm without them
     motion: Motion  # of the rigid model
     stiffness: FloatArray  # (joints,) N m/rad
     damping: FloatArray  # (joints,) N m s/rad
-    rest: FloatArray  # (joints,) rad, rest angles of the springs
     #: (2, joints) rad, offset of the joints from the motion in equilibrium at both ends, due to
     #: the sag of the links
     offset: FloatArray
     start: float  # s, interval in which the offset changes from the first to the second
     end: float  # likewise
+
+    @property
+    def arm(self) -> Arm:
+        """A new arm with springs and dampers beside the motors, which no key of a joint has.
+
+        A spring and the inertia of a rotor are an elastic joint.
+        """
+        supported = Arm(self.bare.spec)
+        constants, motors = supported.assembly.constants, supported.assembly.joint_body
+        constants.joint_stiffness[motors] += self.stiffness
+        constants.joint_damping[motors] += self.damping
+        return supported
+
+    @property
+    def rest(self) -> FloatArray:
+        """Rest angles (joints,) rad of the springs."""
+        angles: FloatArray = self.bare.assembly.constants.joint_rest[self.bare.assembly.joint_body]
+        return angles
 
     def feedback(self, t: FloatArray, angle: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the torque (T, joints) of springs and dampers, N m, at joint angles and rates."""
@@ -363,12 +380,5 @@ def _joint_support(
     inertia = np.max([np.diag(rigid.mass_matrix(rigid.rest(a))) for a in angles], axis=0)
     bandwidth = _BANDWIDTH * slowest
     stiffness, damping = inertia * bandwidth**2, 2.0 * _DAMPING_RATIO * inertia * bandwidth
-    # Springs and dampers beside the motors, which no key of a joint has: a spring and the inertia
-    # of a rotor are an elastic joint.
-    supported = Arm(arm.spec)
-    constants, motors = supported.assembly.constants, supported.assembly.joint_body
-    constants.joint_stiffness[motors] += stiffness
-    constants.joint_damping[motors] += damping
-    rest_angles = constants.joint_rest[motors].copy()
     sag = np.stack([rest.q[arm.joint_index] for rest in ends]) - angles
-    return JointSupport(supported, motion, stiffness, damping, rest_angles, sag, start, end)
+    return JointSupport(arm, motion, stiffness, damping, sag, start, end)

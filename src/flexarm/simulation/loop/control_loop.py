@@ -361,8 +361,8 @@ class ClosedLoop(RunLoop):
         self.seconds = 0.0  # spent in the controller
 
     def execute(self) -> None:
-        known = knowing_limits(self.controller, self.hardware, self.run.arm.n_joints)
-        with single_threaded_algebra(), known:
+        limits = knowing_limits(self.controller, self.hardware, self.run.arm.n_joints)
+        with single_threaded_algebra(), limits:
             self.controller.reset()
             super().execute()
 

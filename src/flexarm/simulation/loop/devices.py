@@ -67,34 +67,35 @@ def _lag_shapes(followed: float, lag: float, count: int) -> tuple[float, FloatAr
     return h, shapes
 
 
-def torque_limits(hardware: Hardware | None, joints: int) -> FloatArray:
-    """Return the limits (joints,) N m of motors at rest; infinite without one."""
+def torque_limits(hardware: Hardware | None, joints: int, at_rest: bool = True) -> FloatArray:
+    """Return the limits (joints,) N m of motors at rest, or at all rates; infinite without one."""
     motors = (hardware and hardware.motors) or Motors()
+    if not at_rest and motors.back_voltage:
+        motors = motors.replace(voltage_limit=math.inf)
     limits: FloatArray = motors.allowed(np.full(joints, np.inf), np.zeros(joints))
     return limits
 
 
-def hand_limits(controller: object, limits: FloatArray) -> list[tuple[Any, Any]]:
-    """Hand limits (joints,) N m to laws that accept them and have none; return these with theirs.
+def hand_limits(
+    controller: object, hardware: Hardware | None, joints: int
+) -> list[tuple[Any, Any]]:
+    """Hand the limits of motors to laws with ``knows_limits``; return these with those before.
 
     Their integrals and estimates then include the limits, and do not wind up.
     """
-    laws = [law for law in around(controller) if _lacks_limit(law)]
-    before = [(law, law.torque_limit) for law in laws if np.isfinite(limits).any()]
-    for law, _ in before:
-        law.torque_limit = limits
+    limits = torque_limits(hardware, joints, at_rest=False)
+    limited = bool(np.isfinite(limits).any())
+    laws = [law for law in around(controller) if limited and getattr(law, "knows_limits", False)]
+    before = [(law, law.torque_limit) for law in laws]
+    for law, limit in before:
+        law.torque_limit = limits if limit is None else np.minimum(limit, limits)
     return before
-
-
-def _lacks_limit(law: object) -> bool:
-    limit = getattr(law, "torque_limit", 0.0)
-    return limit is None or bool(np.all(np.isinf(limit)))
 
 
 @contextmanager
 def knowing_limits(controller: object, hardware: Hardware | None, joints: int) -> Iterator[None]:
     """Hand the limits of motors to a controller, see ``hand_limits``, for a run."""
-    before = hand_limits(controller, torque_limits(hardware, joints))
+    before = hand_limits(controller, hardware, joints)
     try:
         yield
     finally:
@@ -125,7 +126,7 @@ class Acting:
             hint = "Their torque is that at standstill: give its limit as torque_limit."
             problems.append(Problem("hardware.motors.voltage_limit", rule, hint=hint))
         raise_any(problems)
-        self._limits = torque_limits(hardware, joints)
+        self._limits = torque_limits(hardware, joints, at_rest=False)
         self._lag, self._delay = self._motors.time_constant, self._motors.delay
         self._waiting: deque[tuple[float, FloatArray]] = deque()
         self._since: list[float] = []
@@ -228,10 +229,10 @@ class Acting:
 
     def numbers(self) -> dict[str, FloatArray]:
         """Return the state between samples by name."""
-        found = {f"waiting {i}": torque for i, (_, torque) in enumerate(self._waiting)}
+        state = {f"waiting {i}": torque for i, (_, torque) in enumerate(self._waiting)}
         if self._lag > 0.0:
-            found |= {"initial": self._initial[-1], "target": self._target[-1]}
-        return found
+            state |= {"initial": self._initial[-1], "target": self._target[-1]}
+        return state
 
     def planned(self, t: float, until: float, before: float) -> tuple[dict[str, Any], FloatArray]:
         """Return what ``step`` requires at a sample time t, and the breaks of ``cubics``.
@@ -270,8 +271,8 @@ class Acting:
     def saturated(self) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return the times (k,) s of all changes, and which motors (k, joints) are at a limit."""
         requested, target = np.asarray(self._requested), np.asarray(self._target)
-        # A law that knows the limits at rest requests them, and no more.
-        limited = np.abs(target) >= self._limits
+        # A law that knows the limits requests them, and no more.
+        limited = np.abs(target) == self._limits
         return np.asarray(self._since), (requested != target) | limited
 
     def _now(self, t: float) -> FloatArray:
