@@ -23,7 +23,7 @@ def test_candidates_under_gravity_have_integral_feedback_and_a_reference_of_the_
     assert list(found) == ["LQG", "output redefinition", "joint PID"]
     assert found["LQG"]["integral"] == "chord_angle"
     assert found["LQG"]["reference"] == "quasi_static"
-    assert found["LQG"]["delay"] == 1e-3
+    assert found["LQG"]["hardware"]
     assert found["output redefinition"]["inner"]["integral"][0] > 0.0
     assert found["joint PID"]["integral"][0] > 0.0
     for drive in (found["LQG"], found["joint PID"], found["output redefinition"]["inner"]):

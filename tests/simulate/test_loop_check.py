@@ -73,6 +73,7 @@ def test_reported_growth_is_that_of_the_run():
             controller=controller,
             reference=fa.joint_motion(arm, [0.3, 0.8], [0.3, 0.8], 10.0),
             initial=start,
+            rate=1000.0,
             rtol=1e-10,
             atol=1e-15,
         )

@@ -147,7 +147,7 @@ def test_from_a_scenario_file(tmp_path):
         "arm:\n"
         "  gravity: [0, -9.81]\n"
         "  links: [{length: 1.0, flexural_rigidity: 20.0, mass_per_length: 0.5}]\n"
-        "run: {duration: 0.01, stations: 3}\n"
+        "run: {duration: 0.01, rate: 1000, stations: 3}\n"
     )
     path = tmp_path / "run.yaml"
     path.write_text(text)

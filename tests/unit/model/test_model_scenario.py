@@ -17,7 +17,7 @@ def test_defaults():
     assert scenario.drive == NoDrive()
     assert scenario.motion is None
     assert scenario.initial == InitialState(joint_angle=None, joint_rate=None)
-    assert scenario.run == RunSpec(duration=2.0, rate=1000.0, integrator="auto")
+    assert scenario.run == RunSpec(duration=2.0, rate=None, integrator="auto")
     motion = Scenario(arm=ARM, run=RUN, motion=LINE).motion
     assert (motion.profile, motion.elbow, motion.start_time) == ("quintic", "up", 0.0)
 

@@ -171,8 +171,8 @@ class Controller(ABC):
     7. If ``linearizable`` is false, loops have no poles and margins: too many numbers change.
     8. If ``compensates_friction`` is false, no feedback depends on the dry friction of its arm:
        poles and margins are then those of sliding joints, also without a reference.
-    9. If ``knows_limits`` is true, ``torque_limit`` is None or an array (joints,) N m, and
-       simulations reduce it to that of the motors.
+    9. If ``knows_limits`` is true, simulations reduce ``torque_limit`` to that of the motors, by
+       the method ``limit_torque``.
 
     A class with an ``update`` of its own instead of ``step`` is accepted, and so is any object with
     ``sample_time``, ``reset`` and ``update``: by ``simulate``, ``simulate_batch`` (with a copy,

@@ -142,7 +142,7 @@ class JointPID(JointFollower, JointPIDParameters):
     def __post_init__(self) -> None:
         super().__post_init__()
         arm = self.arm
-        self.torque_limit = check_limits("torque_limit", self.torque_limit)
+        self.limit_torque(check_limits("torque_limit", self.torque_limit))
         self.sag = check_flag("sag", self.sag)
         self._weight: RigidModel | SaggingArm | None = None
         if arm is not None:
@@ -151,6 +151,10 @@ class JointPID(JointFollower, JointPIDParameters):
             self._weight = SaggingArm(arm) if self.sag else RigidModel(arm)
         elif self.sag:
             raise InputError(Problem("arm", "is required with sag"))
+
+    def limit_torque(self, limit: Any) -> None:
+        """Set ``torque_limit``, N m, one number or (joints,)."""
+        self.torque_limit, self._limited = limit, bool(np.any(np.isfinite(limit)))
 
     @property
     def vectorized(self) -> bool:  # type: ignore[override]
@@ -183,7 +187,7 @@ class JointPID(JointFollower, JointPIDParameters):
             torque = torque + self._weight.gravity_torque(readings.joint_angle)
         torque = self._with_feedforward(torque, inputs)
         rise = self.integral * (self.sample_time * error)
-        if np.isfinite(self.torque_limit).any():
+        if self._limited:
             wanted, limit = torque, self.torque_limit
             torque = np.minimum(np.maximum(wanted, -limit), limit)
             rise = ((wanted == torque) | (error * wanted < 0.0)) * rise

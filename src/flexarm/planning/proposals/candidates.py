@@ -82,7 +82,6 @@ _GENTLE = (
     (0.03, 5.0),
     (0.03, 25.0),
     (0.03, 100.0),
-    (0.01, 5.0),
 )
 #: Least rigidity uncertainty of the designs: the model of a real arm is never exact.
 _SOME = 0.1

@@ -88,7 +88,7 @@ def hand_limits(
     laws = [law for law in around(controller) if limited and getattr(law, "knows_limits", False)]
     before = [(law, law.torque_limit) for law in laws]
     for law, limit in before:
-        law.torque_limit = limits if limit is None else np.minimum(limit, limits)
+        law.limit_torque(limits if limit is None else np.minimum(limit, limits))
     return before
 
 
@@ -100,7 +100,7 @@ def knowing_limits(controller: object, hardware: Hardware | None, joints: int) -
         yield
     finally:
         for law, limit in before:
-            law.torque_limit = limit
+            law.limit_torque(limit)
 
 
 class Acting:
