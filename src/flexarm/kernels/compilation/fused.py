@@ -16,7 +16,14 @@ _sum, _difference = ir.IRBuilder.fadd, ir.IRBuilder.fsub
 
 
 def _product(value: Any) -> Any:
-    """Return the product that a value is, also as a part of a number of several parts, or None."""
+    """Return the factors of the product that a value is, or None.
+
+    Also if it is a part of a number of several parts, or the number in all lanes of a pack.
+    """
+    if isinstance(value, ir.instructions.ShuffleVector):
+        first = value.operands[0]
+        filled = isinstance(first, ir.instructions.InsertElement)
+        return _product(first.operands[1]) if filled else None
     while isinstance(value, ir.instructions.ExtractValue):
         place, whole = list(value.indices), value.operands[0]
         while isinstance(whole, ir.instructions.InsertValue) and list(whole.indices) != place:
@@ -24,18 +31,27 @@ def _product(value: Any) -> Any:
         if not isinstance(whole, ir.instructions.InsertValue):
             return None
         value = whole.operands[1]
-    return value if isinstance(value, ir.Instruction) and value.opname == "fmul" else None
+    is_product = isinstance(value, ir.Instruction) and value.opname == "fmul"
+    return value.operands if is_product else None
 
 
-def _fused(builder: Any, product: Any, rest: Any, negative: bool = False) -> Any:
-    """Return ``product + rest``, or ``rest - product`` if ``negative``, with one rounding.
+def in_all_lanes(builder: Any, value: Any, kind: Any) -> Any:
+    """Return the vector whose lanes all contain one number."""
+    undefined = ir.Constant(kind, ir.Undefined)
+    first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
+    return builder.shuffle_vector(first, undefined, mask)
+
+
+def _fused(builder: Any, factors: Any, rest: Any, negative: bool = False) -> Any:
+    """Return the product plus ``rest``, or ``rest`` minus it if ``negative``, with one rounding.
 
     On processors without an instruction for it there are two roundings.
     """
-    x, y = product.operands
+    kind = rest.type
+    x, y = (v if v.type == kind else in_all_lanes(builder, v, kind) for v in factors)
     if negative:
         x = builder.fneg(x)
-    kind = rest.type
     lanes = f"v{kind.count}" if isinstance(kind, ir.VectorType) else ""
     number = kind.element if lanes else kind
     name = f"llvm.fmuladd.{lanes}{number.intrinsic_name}"

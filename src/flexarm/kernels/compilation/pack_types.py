@@ -18,6 +18,7 @@ from numba.extending import (
     register_model,
 )
 
+from flexarm.kernels.compilation.fused import in_all_lanes
 from flexarm.kernels.compilation.numba_internals import declare
 from flexarm.kernels.compilation.number_types import (
     ORDINARY,
@@ -49,10 +50,7 @@ class _PackModel(models.PrimitiveModel):
 
 def equal_lanes(builder: Any, value: Any) -> Any:
     """Return a pack whose lanes are all a number."""
-    undefined = ir.Constant(VECTOR, ir.Undefined)
-    first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
-    mask = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-    return builder.shuffle_vector(first, undefined, mask)
+    return in_all_lanes(builder, value, VECTOR)
 
 
 def _as_pack(context: Any, builder: Any, kind: Any, value: Any) -> Any:
