@@ -60,6 +60,17 @@ def test_joint_laws_and_jumps_of_the_torque(how, executed):
 
 @pytest.mark.thorough_cases("dormand_prince_8")
 @pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
+def test_geared_rotors(how, executed):
+    """Products of numbers that all runs share are sums' products in packs, too."""
+    joints = [fa.Joint(rotor_inertia=3.3e-5, gear_ratio=ratio) for ratio in (100.0, 37.0)]
+    arm = fa.Arm(links=[fa.Link(length=length, **ROD) for length in (1.4, 1.0)], joints=joints)
+    starts = [arm.rest([0.3 * k, 0.2]) for k in range(9)]
+    torque = np.random.default_rng(3).normal(size=(9, 2))
+    compare(arm, starts, (0, 8), torque=torque, rate=150.0, duration=0.05, **how)
+    assert sorted(executed) == list(range(9))
+
+
+@pytest.mark.parametrize("how", METHODS, ids=lambda how: how["integrator"])
 def test_hundreds_of_steps(how, executed):
     """A different rounding of small terms of second order appears after about a hundred steps."""
     rod = {"flexural_rigidity": 105.0, "mass_per_length": 0.61732, "elements": 16, "modes": 3}

@@ -5,6 +5,9 @@ import pytest
 
 import flexarm as fa
 from arms import ROD, laboratory_arm
+from flexarm.cases.scenario.scenario import prepare
+from flexarm.model import Scenario
+from flexarm.model.checks import checked_arguments
 
 
 def line(flexible, duration=1.0, profile="quintic"):
@@ -131,6 +134,63 @@ def test_quasi_static_end_is_the_equilibrium_with_the_tip_at_its_goal(theory):
     np.testing.assert_allclose(static.torque(0.0), rest.torque, rtol=0, atol=1e-9)
     last = static.coordinates(np.array([5.0]))[0][0]
     np.testing.assert_allclose(heavy.tip(last)[:2], [1.0, 2.0], rtol=0, atol=1e-10)
+
+
+def heavy_arm(gravity=9.81):
+    rod = {"flexural_rigidity": 900.0, "mass_per_length": 0.6, "elements": 2}
+    damping = fa.ModalDamping(ratio=0.01)
+    gauges = [fa.Gauge(station=0.02, distance=0.005)]
+    links = [fa.Link(length=k, damping=damping, gauges=gauges, **rod) for k in (0.9, 0.7)]
+    joints = [fa.Joint(hub_inertia=0.1), fa.Joint(hub_inertia=0.05, mass=0.5)]
+    payload = fa.Payload(mass=0.4)
+    return fa.Arm(links=links, joints=joints, payload=payload, gravity=(0.0, -gravity))
+
+
+def test_order_0_bends_by_gravity_alone():
+    """The arm at rest has its tip on the path at each instant, whatever the accelerations are."""
+    arm = heavy_arm()
+    motion = fa.joint_motion(arm, [0.2, 0.6], [0.8, 0.1], 0.3, start_time=0.2)
+    static = fa.quasi_static_reference(arm, motion, order=0, smoothing=1e-4)
+    for t in (0.0, 0.29, 0.35, 0.44, 1.0):
+        tip = arm.tip(fa.equilibrium(arm, static.joint_angle(t)).q)[:2]
+        np.testing.assert_allclose(tip, motion.tip(t), rtol=0, atol=1e-7)
+    light = heavy_arm(gravity=0.0)
+    same = fa.quasi_static_reference(light, motion, order=0)
+    np.testing.assert_allclose(same.joint_angle(0.35), motion.joint_angle(0.35), rtol=0, atol=1e-12)
+
+
+def test_lqg_compensates_the_bending_by_inertia_once():
+    """Under gravity the rigid reference keeps the sag, and order 1 bends the links twice."""
+    arm = heavy_arm()
+    motion = fa.joint_motion(arm, [0.2, 0.6], [0.8, 0.1], 1.2, start_time=0.6)
+    law = fa.LQG(arm, [0.5, 0.35], schedule=[[0.2, 0.5, 0.8], [0.1, 0.35, 0.6]])
+    static, inertia = (fa.quasi_static_reference(arm, motion, order=k) for k in (0, 1))
+    most = []
+    for reference in (static, inertia, motion):
+        start = {} if reference is motion else {"initial": reference.initial}
+        run = fa.simulate(arm, 2.5, controller=law, reference=reference, rate=200.0, **start)
+        most.append(away(run, motion).max())
+    assert most[0] < 0.25 * most[1] < most[2]
+    scenario = {
+        "arm": arm.spec,
+        "motion": {
+            "kind": "joint",
+            "start": [0.2, 0.6],
+            "end": [0.8, 0.1],
+            "duration": 1.2,
+            "start_time": 0.6,
+        },
+        "drive": {
+            "kind": "lqg",
+            "posture": [0.5, 0.35],
+            "schedule": [[0.2, 0.5, 0.8], [0.1, 0.35, 0.6]],
+            "reference": "quasi_static",
+        },
+        "run": {"duration": 2.5, "rate": 200.0},
+    }
+    run = prepare(checked_arguments(Scenario, **scenario)).run(progress=False)
+    assert run.attrs["reference_kind"] == "static"
+    assert away(run, motion).max() == pytest.approx(most[0], rel=0.1)
 
 
 def test_long_motion_without_breaks_is_followed_at_every_turn():

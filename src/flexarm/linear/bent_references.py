@@ -363,7 +363,7 @@ _POINTS = 32
 #: Amplitudes of the cosines in the window (C.15) for each order. The second one has no second
 #: moment: the average of a parabola is its value in the middle.
 _FLAT = (2.0 * np.pi**2 / 3.0 - 1.0) / 3.0
-_WINDOWS = {1: (1.0,), 2: (_FLAT, _FLAT - 1.0)}
+_WINDOWS = {0: (1.0,), 1: (1.0,), 2: (_FLAT, _FLAT - 1.0)}
 #: Breaks that rounding separates are one: relative to the duration, or to their times if larger.
 _APART = 1e-9
 #: Largest change of the bending by the second order, of that of the first, without a warning.
@@ -382,7 +382,8 @@ class QuasiStaticReference(DerivedMotion):
         motion: motion of the rigid arm, which the tip follows.
         arm: the flexible arm.
         smoothing: s, window over which the bending is averaged, centred at each instant.
-        order: 1, or 2 if the accelerations of the bending bend the links, too.
+        order: 0 if gravity alone bends the links, 1 if inertia does, too, or 2 if the accelerations
+            of the bending do, too.
     """
 
     arm: Arm
@@ -487,6 +488,8 @@ def quasi_static_reference(
     The links bend statically under inertia and gravity: their vibration is neglected. Order 1
     neglects that the bending is itself accelerated. Order 2 includes this acceleration, with the
     bending of order 1: the integral manifold of second order, to which smooth motions are closer.
+    Order 0 is the bending at rest, under gravity alone, for controllers that compensate the effect
+    of inertia themselves, such as LQG.
 
     Args:
         arm: the arm, with links that bend.
@@ -497,12 +500,12 @@ def quasi_static_reference(
             period with locked joints. Averaging is necessary because bending follows the
             accelerations, which may have jumps or corners. The reference starts half a window
             before the motion and ends half a window after it, for order 2 a whole window.
-        order: 1 or 2.
+        order: 0, 1 or 2.
 
     Raises:
         InputError: if ``motion`` is not a motion of this arm, the arm is rigid, the joints cannot
             move the tip in every direction somewhere along the motion, the window is not positive,
-            or the order is neither 1 nor 2.
+            or the order is not one of these.
         SimulationError: if Newton's method does not converge.
 
     (C.13) to (C.15). These are the first terms of the solution that `tip_inversion` computes in
@@ -514,7 +517,7 @@ def quasi_static_reference(
         M. Moallem, K. Khorasani and R. V. Patel, IEEE Trans. Robotics and Automation 13 (1997)
         823-837: of elastic links, and the position of the tip.
     """
-    order = check_count("order", order, most=2)
+    order = check_count("order", order, 0, 2)
     motion = check_motion(motion, arm)
     if arm.dof == arm.n_joints:
         raise InputError(Problem("arm", "is rigid"))
@@ -555,22 +558,27 @@ def _bent_by(
     moving: Motion, constraint: TipConstraint, window: float, order: int
 ) -> QuasiStaticReference:
     """Return the reference whose links bend under the rates and accelerations of a motion."""
-    bending, sizes = partial(_bending, constraint, moving), coordinate_sizes(constraint.arm)
+    bending = partial(_bending, constraint, moving, order == 0)
+    sizes = coordinate_sizes(constraint.arm)
     bends = tuple(tabulated(moving.breaks, bending, sizes))
     fields = (window, order, moving, _WINDOWS[order], bends)
     return QuasiStaticReference(constraint.motion, constraint.arm, *fields)
 
 
-def _bending(constraint: TipConstraint, moving: Motion, times: FloatArray) -> FloatArray:
+def _bending(
+    constraint: TipConstraint, moving: Motion, at_rest: bool, times: FloatArray
+) -> FloatArray:
     """Solve (C.13) by Newton's method at each instant; return the corrections of q, (T, dof).
 
-    Rates and accelerations are those of ``moving``, which is rigid or already bent.
+    Rates and accelerations are zero, or those of ``moving``, which is rigid or already bent.
     """
     arm, motion = constraint.arm, constraint.motion
     elastic: NDArray[np.intp] = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
     rigid = np.zeros((3, times.size, arm.dof))
     rigid[:, :, arm.joint_index] = np.stack(motion.at(times))
     _, qd, qdd = rigid if moving is motion else moving.coordinates(times)  # type: ignore[attr-defined]
+    if at_rest:
+        qd, qdd = np.zeros((2, *qd.shape))
     added, unit = np.zeros((times.size, arm.dof)), coordinate_sizes(arm)
     for _ in range(_NEWTON_STEPS):
         q = rigid[0] + added

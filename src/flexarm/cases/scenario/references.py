@@ -115,7 +115,7 @@ def _away_from(center: FloatArray, sign: float, path: Motion, t: float) -> Float
 #: Function of time (s) that returns torques (joints,), N m.
 TorqueFunction = Callable[[Any], Any]
 #: Orders of `quasi_static_reference` by the kind of a reference or drive.
-_ORDERS = {"quasi_static": 1, "integral_manifold": 2}
+_ORDERS = {"static": 0, "quasi_static": 1, "integral_manifold": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +123,8 @@ class Followed:
     """Reference of a drive along a motion."""
 
     motion: TaskReference | None  # the reference, or None without a motion
-    #: "quasi_static", "integral_manifold", "tip_inversion", "rigid", "pressed" or "none"; after
-    #: "rigid" the reason, if the flexible reference does not exist
+    #: "static", "quasi_static", "integral_manifold", "tip_inversion", "rigid", "pressed" or "none";
+    #: after "rigid" the reason, if the flexible reference does not exist
     kind: str = "none"
     torque: TorqueFunction | None = None  # torque of the reference, or None
     #: coordinates (dof,) of the arm at rest at the start of a flexible reference

@@ -549,7 +549,7 @@ def _estimator(spec: Any, around: DriveContext) -> dict[str, Any]:
 
 def _hardware(asked: bool, around: DriveContext) -> dict[str, Any]:
     if asked and around.hardware is None:
-        raise InputError(Problem("hardware", "is required at the top of the file to design for it"))
+        raise InputError(Problem("hardware", "requires the key hardware at the top of the file"))
     return {"hardware": around.hardware} if asked else {}
 
 

@@ -260,7 +260,7 @@ class LQG(LQGParameters, OfArm, Controller):
         if late:
             inputs["coming_force"] = forces[:late]
         if "tip" in self.design_requirements.integrated:
-            inputs["nominal_tip"] = self._desired_tip(nominal)
+            inputs["nominal_tip"] = self._desired_tip(t, nominal, reference)
         return inputs
 
     def _nominal_torques(self, count: int) -> FloatArray:
@@ -392,8 +392,11 @@ class LQG(LQGParameters, OfArm, Controller):
         error: FloatArray = readings.joint_angle - inputs["nominal_angle"] + bent
         return error
 
-    def _desired_tip(self, nominal: Nominal) -> FloatArray:
-        """Return the nominal tip (2,), m: of a reference, that of straight links."""
+    def _desired_tip(self, t: float, nominal: Nominal, reference: Reference | None) -> FloatArray:
+        """Return the nominal tip (2,), m: of a reference, its own or that of straight links."""
+        tip = getattr(reference, "tip", None)
+        if self.nominal is None and tip is not None:
+            return np.asarray(tip(t))
         bend = nominal.q[self._model.elastic]
         return self._model.tip(nominal.angle, bend if self.nominal is not None else 0.0 * bend)
 

@@ -377,7 +377,7 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         if self._integrals:
             inputs = {"nominal_angle": nominal.angle, "nominal_reading": nominal.shown}
             if "tip" in self.design_requirements.integrated:
-                inputs["nominal_tip"] = self._desired_tip(nominal)
+                inputs["nominal_tip"] = self._desired_tip(t, nominal, reference)
             rise, gain = self._rise(measurement, inputs), self._arrays.arrays[1]
             request = -applied(gain[:, self._states :], rise)
             self._whole[self._states :] += (request @ (plan[:m] - torque) <= 0.0) * rise

@@ -192,9 +192,10 @@ class ControllerDrive(Record):
     """Keys with one number for all joints, or one for each."""
 
     reference: Literal["quasi_static", "integral_manifold", "tip_inversion", "rigid"] | None = None
-    """Joint angles to follow: those of the statically bent arm, of the same with the accelerations
-    of its bending, of the arm under the torques of a tip inversion, or of the rigid arm; by default
-    quasi_static where arm and motion allow it."""
+    """Joint angles to follow: those of the statically bent arm (of lqg, mpc and composite, which
+    plan the bending by inertia themselves, bent by gravity alone), of the same with the
+    accelerations of its bending, of the arm under the torques of a tip inversion, or of the rigid
+    arm; by default quasi_static where arm and motion allow it."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -205,15 +206,19 @@ class ControllerDrive(Record):
 
     @property
     def reference_kind(self) -> str | None:
-        """The kind of the reference; None if it depends on the arm and the motion."""
-        if self.reference is None:
-            innermost: Any = self
-            while getattr(innermost, "inner", None) is not None:
-                innermost = innermost.inner
-            follows = getattr(innermost, "feedforward", None)
-            if innermost.declaration.plans_bending or follows in OF_JOINTS:
-                return "rigid"
-        return self.reference
+        """The kind of the reference; None if it depends on the arm and the motion.
+
+        "static" is that of an arm that gravity alone bends.
+        """
+        innermost: Any = self
+        while getattr(innermost, "inner", None) is not None:
+            innermost = innermost.inner
+        planned = innermost.declaration.plans_bending
+        if self.reference is None and (
+            planned or getattr(innermost, "feedforward", None) in OF_JOINTS
+        ):
+            return "rigid"
+        return "static" if planned and self.reference == "quasi_static" else self.reference
 
     def balances(self) -> bool:
         """Return whether the controller includes gravity compensation, or accepts no feedforward.

@@ -62,6 +62,7 @@ _SAME = ("hardware", "loads", "base_acceleration", "contacts", "changes")
 _ACTING = ("hardware", "loads", "changes")
 #: Calls that create a flexible reference, by its kind; what controllers follow, and its torque.
 _BENT = {
+    "static": ("fa.quasi_static_reference(arm, motion, order=0)", "bent", "bent.torque"),
     "quasi_static": ("fa.quasi_static_reference(arm, motion)", "bent", "bent.torque"),
     "integral_manifold": ("fa.quasi_static_reference(arm, motion, order=2)", "bent", "bent.torque"),
     "tip_inversion": ("fa.tip_inversion(arm, motion)", "bent.reference", "bent.torque"),
