@@ -224,7 +224,9 @@ def test_key_of_a_file_is_the_hardware_of_the_scenario(arm, kind):
         np.testing.assert_array_equal(design.A, other.A)
     del content["hardware"]
     scenario = checked_arguments(Scenario, **content, drive={"kind": kind, **KEYS, **given})
-    with pytest.raises(fa.InputError, match="hardware is required at the top of the file"):
+    with pytest.raises(
+        fa.InputError, match="hardware requires the key hardware at the top of the file"
+    ):
         prepare(scenario)
 
 

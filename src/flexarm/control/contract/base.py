@@ -171,8 +171,8 @@ class Controller(ABC):
     7. If ``linearizable`` is false, loops have no poles and margins: too many numbers change.
     8. If ``compensates_friction`` is false, no feedback depends on the dry friction of its arm:
        poles and margins are then those of sliding joints, also without a reference.
-    9. If ``knows_limits`` is true, simulations reduce ``torque_limit`` to that of the motors, by
-       the method ``limit_torque``.
+    9. If ``knows_limits`` is true, simulations reduce ``torque_limit``, None or an array
+       (joints,) N m, to that of the motors.
 
     A class with an ``update`` of its own instead of ``step`` is accepted, and so is any object with
     ``sample_time``, ``reset`` and ``update``: by ``simulate``, ``simulate_batch`` (with a copy,
@@ -238,6 +238,10 @@ class Controller(ABC):
         after, torque = self.step(memory, measurement, inputs)
         self._keep(after)
         return cast("ArrayLike", torque)
+
+    def _limit_torque(self, limit: Any) -> None:
+        """Set ``torque_limit``, N m, of a law that knows limits."""
+        vars(self)["torque_limit"] = limit
 
     def _keep(self, memory: Arrays) -> None:
         """Store the memory after an update."""

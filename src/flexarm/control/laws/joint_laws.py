@@ -142,7 +142,7 @@ class JointPID(JointFollower, JointPIDParameters):
     def __post_init__(self) -> None:
         super().__post_init__()
         arm = self.arm
-        self.limit_torque(check_limits("torque_limit", self.torque_limit))
+        self._limit_torque(check_limits("torque_limit", self.torque_limit))
         self.sag = check_flag("sag", self.sag)
         self._weight: RigidModel | SaggingArm | None = None
         if arm is not None:
@@ -152,9 +152,9 @@ class JointPID(JointFollower, JointPIDParameters):
         elif self.sag:
             raise InputError(Problem("arm", "is required with sag"))
 
-    def limit_torque(self, limit: Any) -> None:
-        """Set ``torque_limit``, N m, one number or (joints,)."""
-        self.torque_limit, self._limited = limit, bool(np.any(np.isfinite(limit)))
+    def _limit_torque(self, limit: Any) -> None:
+        super()._limit_torque(limit)
+        self._limited = bool(np.any(np.isfinite(limit)))
 
     @property
     def vectorized(self) -> bool:  # type: ignore[override]

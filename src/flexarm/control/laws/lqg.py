@@ -363,10 +363,6 @@ class LQG(LQGParameters, OfArm, Controller):
         _, gain, _, ahead = arrays[:4]
         return -applied(gain, state) - applied(ahead, inputs["nominal_force"].ravel()), {}
 
-    def limit_torque(self, limit: FloatArray | None) -> None:
-        """Set ``torque_limit``, (joints,) N m; None for no limit."""
-        self.torque_limit = limit
-
     def _within_limits(self, torque: FloatArray, memory: Arrays) -> FloatArray:
         if self.torque_limit is None:
             return torque

@@ -17,7 +17,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.kernel_view import KernelView, as_slice
 from flexarm.arm.observe import channels_of, contact_forces, contact_values
 from flexarm.base.errors import InputError, Problem, raise_any
-from flexarm.control.contract.base import around, joint_problems
+from flexarm.control.contract.base import Controller, around, joint_problems
 from flexarm.control.hardware.measurement import Readings
 from flexarm.integrate.base import FloatArray, System
 from flexarm.integrate.torque import slope_at, torque_at
@@ -85,10 +85,13 @@ def hand_limits(
     """
     limits = torque_limits(hardware, joints, at_rest=False)
     limited = bool(np.isfinite(limits).any())
-    laws = [law for law in around(controller) if limited and getattr(law, "knows_limits", False)]
+    knowing = (
+        law for law in around(controller) if isinstance(law, Controller) and law.knows_limits
+    )
+    laws: list[Any] = list(knowing) if limited else []
     before = [(law, law.torque_limit) for law in laws]
     for law, limit in before:
-        law.limit_torque(limits if limit is None else np.minimum(limit, limits))
+        law._limit_torque(limits if limit is None else np.minimum(limit, limits))
     return before
 
 
@@ -100,7 +103,7 @@ def knowing_limits(controller: object, hardware: Hardware | None, joints: int) -
         yield
     finally:
         for law, limit in before:
-            law.limit_torque(limit)
+            law._limit_torque(limit)
 
 
 class Acting:
