@@ -136,6 +136,22 @@ def test_geared_arms_under_gravity(drive, duration):
 
 
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::flexarm.FlexarmWarning")  # the friction at rest
+def test_inversion_with_dry_friction_says_which_reduction_accepts_it():
+    rubs = fa.Friction(coulomb=0.3, viscous=0.02)
+    joint = fa.Joint(hub_inertia=0.02, rotor_inertia=1e-5, gear_ratio=60.0, friction=rubs)
+    damping = fa.ModalDamping(ratio=0.01)
+    link = fa.Link(length=0.5, flexural_rigidity=8.0, mass_per_length=0.5, damping=damping)
+    arm = fa.Arm(links=[link], joints=[joint], payload=fa.Payload(mass=0.1))
+    motion = fa.joint_motion(arm, [0.1], [0.3], 0.5, start_time=0.3)
+    with pytest.raises(fa.InversionError, match="With reduction=") as raised:
+        fa.tip_inversion(arm, motion)
+    share = float(str(raised.value).split("reduction=")[1].split()[0])
+    found = fa.tip_inversion(arm, motion, reduction=share)
+    assert found.tip_error <= share * found.rigid_tip_error
+
+
+@pytest.mark.thorough
 def test_failed_inversion_reports_its_tip_error():
     arm = table_one_arm()
     with pytest.raises(fa.InversionError) as raised:

@@ -61,6 +61,13 @@ def test_default_rates_are_round(duration, rate):
     assert recording_rate(7.0, duration) == 7.0
 
 
+@pytest.mark.parametrize("how", [{"rate": 0.5}, {"settings": fa.RunSettings(rate=0.5)}])
+def test_a_rate_of_less_than_a_sample_is_implausible_in_batches(how):
+    arm = one_link()
+    with pytest.warns(fa.ImplausibleValueWarning, match="less than one sample"):
+        fa.simulate_batch(arm, 1.0, initial=np.zeros((2, arm.dof)), **how)
+
+
 def test_samples_of_a_torque_have_1000_hertz_in_a_short_run():
     arm = one_link()
     rows = np.full((51, 1), 0.1)

@@ -73,7 +73,7 @@ def check_sample_time(arm: Arm, sample_time: float, bandwidth: ArrayLike | None 
     longest = 0.5 * math.pi / lowest if math.isfinite(lowest) else math.inf
     if sample_time > longest:
         rule = f"be at most {longest:.3g} s for this arm"
-        hint = "That is a quarter of the period of its lowest mode, straight, with locked joints."
+        hint = "That is a quarter of the lowest period of the straight arm with locked joints."
         raise InputError(Problem("sample_time", rule, f"{sample_time:g} s", hint))
     fastest = float(np.max(np.asarray(0.0 if bandwidth is None else bandwidth)))
     if fastest * sample_time > _TURNED:

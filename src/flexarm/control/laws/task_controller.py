@@ -20,12 +20,7 @@ from flexarm.control.contract.base import (
     Step,
 )
 from flexarm.control.contract.parametrised import OfArm
-from flexarm.control.design.arm_scales import (
-    arm_scales,
-    check_sample_time,
-    set_defaults,
-    slow_rate,
-)
+from flexarm.control.design.arm_scales import arm_scales, check_sample_time, set_defaults, slow_rate
 from flexarm.control.design.rigid_model import (
     NUMBERS,
     SurfaceMotion,

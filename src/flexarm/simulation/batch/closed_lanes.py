@@ -46,12 +46,7 @@ from flexarm.simulation.calls.limits import (
 from flexarm.simulation.calls.preparation import UNBOUNDED, start_of
 from flexarm.simulation.histories.loads import LoadHistory, load_history
 from flexarm.simulation.loop.control_loop import ControlLoop, misfits, sampled_reference
-from flexarm.simulation.loop.devices import (
-    Acting,
-    Sensing,
-    hand_limits,
-    measured_names,
-)
+from flexarm.simulation.loop.devices import Acting, Sensing, hand_limits, measured_names
 from flexarm.simulation.loop.stability import AnalysedLoop, Poles, Stability, stability
 from flexarm.simulation.run.integrator_choice import Choice, choose_integrator, friction_doubt
 from flexarm.simulation.run.settings import DEFAULTS, tolerances_of

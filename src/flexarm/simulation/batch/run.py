@@ -45,12 +45,7 @@ from flexarm.simulation.batch.reductions import (
     reduced,
 )
 from flexarm.simulation.calls.limits import limit_variables
-from flexarm.simulation.calls.preparation import (
-    Situation,
-    Torque,
-    are_samples,
-    implausible_run,
-)
+from flexarm.simulation.calls.preparation import Situation, Torque, are_samples, implausible_run
 from flexarm.simulation.calls.result import (
     arm_text,
     channel_labels,
@@ -338,7 +333,7 @@ def simulate_batch(
         if variations.initial is None
         else variations.initial[..., first.joint_index[turning_joints(first)]].ravel()
     )
-    warn_of(implausible_run(first, shared.duration, rate, starts))
+    warn_of(implausible_run(first, shared.duration, checked.rate, starts))
     if model is not None and model.n_joints != first.n_joints:
         rule = f"have the number of joints of the arm ({model.n_joints})"
         raise InputError(Problem("plant", rule, shown(first.n_joints)))

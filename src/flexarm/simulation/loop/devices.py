@@ -79,17 +79,15 @@ def torque_limits(hardware: Hardware | None, joints: int, at_rest: bool = True) 
 def hand_limits(
     controller: object, hardware: Hardware | None, joints: int
 ) -> list[tuple[Any, Any]]:
-    """Hand the limits of motors to laws with ``knows_limits``; return these with those before.
+    """Hand the limits of motors to laws with ``knows_limits``; return each with its own limit.
 
     Their integrals and estimates then include the limits, and do not wind up.
     """
     limits = torque_limits(hardware, joints, at_rest=False)
-    limited = bool(np.isfinite(limits).any())
-    knowing = (
-        law for law in around(controller) if isinstance(law, Controller) and law.knows_limits
-    )
-    laws: list[Any] = list(knowing) if limited else []
-    before = [(law, law.torque_limit) for law in laws]
+    if not np.isfinite(limits).any():
+        return []
+    laws: Any = (law for law in around(controller) if isinstance(law, Controller))
+    before = [(law, law.torque_limit) for law in laws if law.knows_limits]
     for law, limit in before:
         law._limit_torque(limits if limit is None else np.minimum(limit, limits))
     return before
