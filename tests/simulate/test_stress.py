@@ -105,6 +105,26 @@ def test_equal_cycles_have_the_damage_of_the_standard(factor: float, slope: int)
     assert damage.units == "1/h"
 
 
+def test_damage_does_not_depend_on_where_a_repeated_history_begins() -> None:
+    """A history that ends at its largest stress, joined to its start by a fall, too."""
+    pytest.importorskip("fatpack")
+    corners = np.array([45.0, -47.0, 95.0, 20.0, 60.0]) * 1e6
+    # Twenty samples from one corner to the next, and back to the first.
+    weight = np.linspace(0.0, 1.0, 20, endpoint=False)
+    pairs = zip(corners, np.roll(corners, -1), strict=True)
+    history = np.concatenate([(1.0 - weight) * a + weight * b for a, b in pairs])
+    times = {"time": np.linspace(0.0, 3600.0, len(history))}
+    rolled = xr.DataArray([np.roll(history, k) for k in range(100)], times, ("start", "time"))
+    # The cycles have ranges of 142, 40 and, at the joint of end and start, 15 MPa.
+    total = 0.0
+    for size in (142e6, 40e6):
+        values = 0.5 * size * np.sin(2.0 * np.pi * np.arange(41) / 40)
+        once = xr.DataArray(values, {"time": np.linspace(0.0, 3600.0, 41)}, ("time",))
+        total += fa.fatigue_damage(once, 71e6).item()
+    # The count rounds ranges to 1/4096 of the largest.
+    np.testing.assert_allclose(fa.fatigue_damage(rolled, 71e6), total, rtol=5e-3)
+
+
 def test_missed_peaks_are_reported() -> None:
     pytest.importorskip("fatpack")
     with pytest.warns(fa.AccuracyWarning, match="less than ten samples a cycle"):

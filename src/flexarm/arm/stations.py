@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,17 +129,17 @@ def forces_at(
     loads: Sequence[Load],
     placed: layout.Loads,
     work: layout.Workspace,
+    kernel: Callable[..., None] = section_forces,
 ) -> FloatArray:
     """Return axial force, shear force and bending moment (N, N m) of one state: (links, cuts, 3).
 
     ``state`` (2, n, 1 + m) and ``acceleration`` (n, 1 + m) have the kernels' layout; ``placed``
     contains ``loads`` in it; ``work`` contains the results of ``inverse_dynamics`` for all of
-    these.
+    these; ``kernel`` is the plain function for arrays of objects.
     """
-    forces, owners = np.zeros((len(cuts), arm.n_links, 3)), parts_of(arm, loads)
+    forces = np.zeros((len(cuts), arm.n_links, 3), dtype=state.dtype)
+    owners = parts_of(arm, loads)
     for cut, values in zip(cuts, forces, strict=True):
         kept = loads_inboard(arm, owners, placed, cut.reach)
-        section_forces(
-            cut.sizes, cut.constants, cut.stations, state, acceleration, kept, work, values
-        )
+        kernel(cut.sizes, cut.constants, cut.stations, state, acceleration, kept, work, values)
     return np.ascontiguousarray(np.moveaxis(forces, 0, 1))

@@ -17,6 +17,7 @@ from flexarm.bridges.symbolic.models import CasadiModel, exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.control.filters.kalman_filter import ExtendedKalmanFilter
 from flexarm.linear.step_derivatives.sampled_step import fastest_rate
+from flexarm.model.quantities import Count, Positive
 
 if TYPE_CHECKING:
     from flexarm.bridges.c_code.source import Exported
@@ -38,6 +39,8 @@ def export_c(
     parameters: Sequence[str] = (),
     controller: Controller | None = None,
     observer: ExtendedKalmanFilter | None = None,
+    stations: Count = 0,
+    detail_category: Positive | None = None,
 ) -> list[Path]:
     """Write the equations of an arm, a controller and a filter as C99 without dependencies.
 
@@ -59,24 +62,30 @@ def export_c(
             that computes with NumPy.
         observer: filter whose ``predict`` and ``correct`` become one function, for a payload whose
             standard deviation is at most a tenth of the mass that moves with the tip.
+        stations: number of sections of each link that has a ``section``, root and tip included,
+            whose stress becomes a function, as of ``fa.stress``; 0 for none.
+        detail_category: stress range (Pa) that a detail bears two million times: the fatigue damage
+            of these sections becomes a function, as of ``fa.fatigue_damage``.
 
     Returns:
         The files.
 
     Raises:
-        InputError: if CasADi is not installed; the name, the folder, a parameter, the law of the
-            controller or the filter is not possible; or files of these names exist that were not
+        InputError: if CasADi or, for a detail category, fatpack is not installed; the name, the
+            folder, a parameter, the law of the controller, the filter or the stress is not
+            possible; or files of these names exist that were not
             exported.
 
     Warns:
         AccuracyWarning: as in ``to_casadi``.
+        ImplausibleValueWarning: if the detail category looks like one of another unit.
     """
     model = exported_model(arm, parameters)
     place = check_path("folder", folder)
     check_prefix("name", name)
     if controller is not None:
         check_controller("controller", controller)
-    texts = _texts(exported(model, name, controller, observer))
+    texts = _texts(exported(model, name, controller, observer, stations, detail_category))
     files = [place / file for file in texts]
     problems = []
     for existing in files:
@@ -107,11 +116,14 @@ def exported(
     name: str,
     controller: Controller | None,
     observer: ExtendedKalmanFilter | None = None,
+    stations: int = 0,
+    detail_category: float | None = None,
 ) -> Exported:
-    """Return the functions of the arm, of the controller and of the filter."""
+    """Return the functions of the arm, of its stress, of the controller and of the filter."""
     from flexarm.bridges.c_code.model_functions import model_functions
     from flexarm.bridges.c_code.observer import exported_observer
     from flexarm.bridges.c_code.source import Exported
+    from flexarm.bridges.c_code.stress import stress_function, stress_points
     from flexarm.bridges.c_code.traced_law import traced_controller
 
     arm = model.arm
@@ -119,9 +131,11 @@ def exported(
     observed = None if observer is None else exported_observer(arm, observer)
     rate = fastest_rate(arm)
     largest = float(f"{_STABLE / rate:.3g}") if rate else 1.0
-    functions = model_functions(model)
+    functions, points = model_functions(model), stress_points(model, stations, detail_category)
+    if points:
+        functions.append(stress_function(model, points))
     return Exported(
-        name, arm, model.parameters, model.nominal, functions, traced, observed, largest
+        name, arm, model.parameters, model.nominal, functions, traced, observed, points, largest
     )
 
 

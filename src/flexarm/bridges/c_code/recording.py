@@ -17,6 +17,7 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import without_warnings
 from flexarm.bridges.c_code.observer import Observer
 from flexarm.bridges.c_code.source import Exported, array, origin
+from flexarm.bridges.c_code.stress import recorded_damage
 from flexarm.bridges.c_code.traced_law import (
     TracedController,
     exports_plan,
@@ -159,6 +160,7 @@ def _record_arm(data: Recording, export: Exported) -> None:
             [arm.tip_velocity(q[k], e) for e in np.eye(arm.dof)]
         ),
         "step": lambda k: np.concatenate([steps[k].q, steps[k].qd]),
+        "stress": lambda k: _stress(export, q[k], qd[k], torque[k]),
     }
     for function in export.functions:
         if function.name in results:
@@ -171,6 +173,17 @@ def _record_arm(data: Recording, export: Exported) -> None:
     rows = [np.concatenate([step.state.ravel(), step.torque.ravel()]) for step in steps]
     data.expected["step_jacobian"] = np.array(rows)
     _scale_by_energy(data, arm)
+    if export.points and export.points.detail_category is not None:
+        data.inputs["cycles"], damage = recorded_damage(export.points, SAMPLES)
+        data.expected["damage"] = damage
+        data.tolerance["damage"] = _ROUNDING * damage.max(axis=0)
+
+
+def _stress(export: Exported, q: FloatArray, qd: FloatArray, torque: FloatArray) -> FloatArray:
+    """Return the stress at the points of an export, Pa."""
+    assert export.points is not None
+    qdd = export.arm.forward_dynamics(q, qd, torque)
+    return export.points.of_forces(export.arm.section_forces(q, qd, qdd, export.points.stations))
 
 
 def _scale_by_energy(data: Recording, arm: Arm) -> None:
@@ -375,7 +388,7 @@ def recorded_arrays(export: Exported, recording: Recording) -> str:
     title = f"recorded run of {SAMPLES} samples, computed in Python"
     parts = [origin(f"{export.name}_recording.h", title) + " */"]
     parts += [f"#ifndef {guard}", f"#define {guard}", ""]
-    used = {name for function in export.all_functions for name in function.inputs}
+    used = {name for function in export.all_functions for name in function.inputs} | {"cycles"}
     for name, values in recording.inputs.items():
         if name in used and values.size:
             parts.append(array(f"static const double recorded_{name}", values))
@@ -393,6 +406,8 @@ def program(export: Exported, recording: Recording) -> str:
         size = recording.expected[name].shape[1]
         rows.append(f'    {{"{name}", call_{name}, {name}_expected[0], {name}_tolerance, {size}}}')
     kept = dict.fromkeys(one.memory for one in export.all_functions if one.memory)
+    if "damage" in recording.expected:
+        kept["damage_memory"] = None
     memory = [f"static double {name}[{export.macro(name)}];\n" for name in kept]
     filled = Template(_text("test_head.c")).substitute(
         name=export.name,
@@ -412,6 +427,8 @@ def program(export: Exported, recording: Recording) -> str:
 
 def _call(export: Exported, test: str, step: float) -> str:
     """Return a function that calls an exported one with the arguments of sample k."""
+    if test == "damage":
+        return Template(_text("test_damage.c")).substitute(name=export.name)
     parts = {"controller": export.controller, "observer": export.observer}
     program = parts.get(test)
     functions = program.functions if program else [f for f in export.functions if f.name == test]

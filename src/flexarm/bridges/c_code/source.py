@@ -16,6 +16,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.bridges.c_code.model_functions import NamedFunction
 from flexarm.bridges.c_code.observer import Observer
+from flexarm.bridges.c_code.stress import StressPoints, damage_texts
 from flexarm.bridges.c_code.traced_law import TracedController
 from flexarm.linear.models.state_space import state_names
 
@@ -69,6 +70,7 @@ class Exported:
     functions: Sequence[NamedFunction]  # of the arm
     controller: TracedController | None
     observer: Observer | None
+    points: StressPoints | None
     largest_step: float  # longest stable step about straight links, s
 
     @property
@@ -84,7 +86,8 @@ class Exported:
         macros["PARAMETERS"] = len(self.parameters)
         if self.controller:
             macros["MEMORY"] = self.controller.memory
-        return macros | (self.observer.sizes if self.observer else {})
+        parts = (self.observer, self.points)
+        return macros | {name: size for part in parts if part for name, size in part.sizes.items()}
 
     def macro(self, name: str) -> str:
         """Return a macro or constant with the prefix."""
@@ -163,6 +166,12 @@ def header(export: Exported) -> str:
         size = export.macro("PARAMETERS")
         lines += [f"extern const double {export.name}_nominal[{size}];", ""]
     lines += _declarations(export, export.functions)
+    if export.points:
+        rows = enumerate(export.points.names)
+        lines += ["/* Points of the stress:", " *"]
+        lines += [*(f" *   stress[{k}]  {text}" for k, text in rows), " */", ""]
+        if export.points.detail_category is not None:
+            lines.append(damage_texts(export.points, export.name)[0])
     if export.controller:
         lines += ["/* Time from one call of the controller to the next, s. */"]
         lines += [f"#define {export.macro('SAMPLE_TIME')} {export.controller.sample_time!r}", ""]
@@ -212,6 +221,8 @@ def source(export: Exported) -> str:
         parts.append(array(f"static const double {name}_at_rest", values))
     for function in export.all_functions:
         parts.append(_wrapper(export, function, names[function.function.name()]))
+    if export.points and export.points.detail_category is not None:
+        parts.append(damage_texts(export.points, export.name)[1])
     return "\n".join(parts)
 
 

@@ -25,7 +25,7 @@ from flexarm.arm.actions import place_loads, tip_load
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import carriers_of, check_joint
-from flexarm.arm.stations import place_gauges
+from flexarm.arm.stations import Cut, forces_at, place_gauges
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import InputError, Problem
 from flexarm.kernels.columns import GAP, MULTIPLIER
@@ -42,6 +42,7 @@ from flexarm.kernels.layout import (
 )
 from flexarm.kernels.observation.observables import POSE_COLUMNS, energies, poses
 from flexarm.kernels.observation.point_motion import MOTION_COLUMNS, point_motions
+from flexarm.kernels.observation.section_forces import section_forces
 from flexarm.kernels.observation.shapes import gauge_strains
 from flexarm.kernels.recursion.articulated_body import forward_dynamics
 from flexarm.kernels.recursion.closures import closure_gaps
@@ -324,6 +325,15 @@ class KernelCalls:
             x, y, moment = work.wrench[i]
             world[i] = cosine * x - sine * y, sine * x + cosine * y, moment
         return world[self.arm.assembly.link_root]
+
+    def section_forces(self, q: Objects, qd: Objects, qdd: Objects, cuts: Sequence[Cut]) -> Objects:
+        """Return axial force, shear force and bending moment in sections: (links, cuts, 3).
+
+        The parts of the links inboard of the sections have the numbers of the arm.
+        """
+        work, nothing = self._newton_euler(q, qd, qdd, None, None), self._loads(None)
+        motion = self._state(q, qd), self.arm.padded(qdd)
+        return forces_at(self.arm, cuts, *motion, (), nothing, work, symbolic(section_forces))
 
     def mass_matrix(self, q: Objects) -> Objects:
         """Return M (dof, dof)."""

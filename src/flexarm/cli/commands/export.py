@@ -47,12 +47,19 @@ def export_c(
     ] = None,
     name: Annotated[str, option("NAME", "Prefix of the functions and of the files.")] = "arm",
     parameters: Parameters = None,
+    stations: Annotated[
+        int, option("N", "Sections of each link whose stress becomes a function.")
+    ] = 0,
+    detail_category: Annotated[
+        float | None, option("PA", "Stress range of a detail: adds the fatigue damage.")
+    ] = None,
 ) -> None:
     """Write C code: dynamics, kinematics, a step with its derivative, the controller."""
     arm, controller, _ = _arm_and_controller(file)
     controller, observer = _separated(controller)
     folder = out or file.with_name(f"{file.stem}_c")
     options: dict[str, Any] = {"name": name, "parameters": parameters or []}
+    options |= {"stations": stations, "detail_category": detail_category}
     with reported_warnings():
         files = fa.export_c(arm, folder, **options, controller=controller, observer=observer)
     for path in files:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -175,28 +175,24 @@ def fatigue_damage(stress: xr.DataArray, detail_category: Positive) -> xr.DataAr
     """
     import xarray as xr
 
-    try:
-        import fatpack
-    except ImportError:
-        raise library_missing("fatpack", "fatigue") from None
+    curve, coarse = endurance_curve(detail_category), False
     check_kind("stress", stress, xr.DataArray, "a stress, as fa.stress returns it")
     if "time" not in stress.dims or stress.sizes["time"] < 3:
         raise InputError(Problem("stress", "have at least three times", shown(stress.dims)))
-    if not _CATEGORIES[0] <= detail_category <= _CATEGORIES[1]:
-        text = f"a detail category of {detail_category:g} Pa is none of a metal; it is in Pa: 71e6."
-        warn_caller(text, ImplausibleValueWarning)
+    check_category(detail_category)
     times = stress["time"].values
     hours = float(times[-1] - times[0]) / 3600.0
-    curve, coarse = fatpack.TriLinearEnduranceCurve(detail_category), False
 
     def of_history(history: FloatArray) -> float:
+        import fatpack
+
         nonlocal coarse
         check_array("stress", history, history.shape)
         if np.ptp(history) < curve.Sl:  # also a constant one, in which no cycle is found
             return 0.0
         turns = len(fatpack.find_reversals(history, k=_SEEN)[0])
         coarse = coarse or turns > _REVERSALS * len(history)
-        ranges = fatpack.find_rainflow_ranges(history, k=_CLASSES)
+        ranges = fatpack.find_rainflow_ranges(from_largest(history), k=_CLASSES)
         return float(curve.find_miner_sum(ranges)) / hours
 
     damage: xr.DataArray = xr.apply_ufunc(
@@ -206,6 +202,32 @@ def fatigue_damage(stress: xr.DataArray, detail_category: Positive) -> xr.DataAr
         text = "the stress has less than ten samples a cycle, so its peaks are missed and the "
         warn_caller(f"{text}damage is too small: simulate with a higher rate.", AccuracyWarning)
     return damage.rename("damage").assign_attrs(units="1/h", long_name="fatigue damage per hour")
+
+
+def from_largest(history: FloatArray) -> FloatArray:
+    """Return a history that repeats from its largest value to the next one.
+
+    All cycles close within it (ASTM E1049, 5.4.5). fatpack can also close those of other histories,
+    and then loses the last turning point of some, which may be the largest (0.7.8).
+    """
+    largest = int(np.argmax(history))
+    return np.concatenate([history[largest:], history[: largest + 1]])
+
+
+def endurance_curve(detail_category: float) -> Any:
+    """Return the endurance curve of a detail; InputError without fatpack."""
+    try:
+        import fatpack
+    except ImportError:
+        raise library_missing("fatpack", "fatigue") from None
+    return fatpack.TriLinearEnduranceCurve(detail_category)
+
+
+def check_category(detail_category: float) -> None:
+    """Warn of a detail category (Pa) that looks like one of another unit."""
+    if not _CATEGORIES[0] <= detail_category <= _CATEGORIES[1]:
+        text = f"a detail category of {detail_category:g} Pa is none of a metal; it is in Pa: 71e6."
+        warn_caller(text, ImplausibleValueWarning)
 
 
 def _sections(
