@@ -25,7 +25,7 @@ FAULTS = {
     "spikes": ("strain_1 has",),
     "lost samples": ("strain_1 lacks",),
     "wrapped encoder": ("joint_angle_1 jumps by a whole turn",),
-    "torque delay": ("The torque is late", "delay of the torque"),
+    "torque delay": ("The torque acts about", "action of the torque before its record"),
     "torque gain": ("torque_1 reads", "gain of torque_1"),
     "encoder offset": ("joint_angle_2 reads", "offset of joint_angle_2"),
 }

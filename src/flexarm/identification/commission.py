@@ -534,7 +534,11 @@ def _named(table: xr.Dataset) -> list[str]:
             sentences.append(f"{text} reads {error:+.2g} % too much: an error of its gain{rival}.")
         elif kind == "delays":
             named = text if label else f"The {text}"
-            sentences.append(f"{named} is late by about {value:.2g} s: a delay.")
+            if value < 0.0:
+                sentence = f"{named} acts about {-value:.2g} s before the record shows it"
+            else:
+                sentence = f"{named} is late by about {value:.2g} s"
+            sentences.append(f"{sentence}: a delay.")
         elif path.endswith(".distance"):
             change = value / start - 1.0 if start else 0.0
             if abs(change) > _NAMED:
