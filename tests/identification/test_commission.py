@@ -7,6 +7,7 @@ import pytest
 
 import flexarm as fa
 from data.bench_records import ONE
+from flexarm.identification.commission import _scaled
 from flexarm.identification.data_sheet import of_drives, of_links, of_masses
 from flexarm.identification.fitting import FitProblem
 from flexarm.identification.inspection import inspected
@@ -150,6 +151,24 @@ def test_torques_that_act_before_their_record_have_a_negative_delay():
     values = np.array([found[name] for name in names])
     assert np.all(np.abs(values - [-0.005, 1.05]) < 4.0 * deviations)
     assert np.all(deviations < [3e-4, 5e-3])
+
+
+@pytest.mark.parametrize(
+    ("ends", "others", "words"),
+    [((1.1, 1.1), (), "upper"), ((0.9, 0.9), (), "lower"), ((1.1, 0.9), (), None),
+     ((1.1, 1.05), (), None), ((1.1, 1.1), ("gains.torque_1",), None)],
+)  # fmt: skip
+def test_masses_that_all_end_at_their_bounds_may_be_a_gain(ends, others, words):
+    """The equations of motion scale with masses, stiffnesses and damping, as the torque does."""
+    import xarray as xr
+
+    masses = ["links[0].mass_per_length", "payload.mass"]
+    values = np.array(ends)
+    columns = {"estimate": values, "start": np.ones(2), "at_bound": np.abs(values - 1.0) > 0.09}
+    table = xr.Dataset({n: ("parameter", c) for n, c in columns.items()}, {"parameter": masses})
+    sentences = _scaled(table, dict.fromkeys([*masses, *others]))
+    assert len(sentences) == (words is not None)
+    assert words is None or f"All masses end at their {words} bounds" in sentences[0]
 
 
 def test_readings_are_not_named_early():
