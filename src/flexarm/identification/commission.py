@@ -563,11 +563,12 @@ def _scaled(table: xr.Dataset, free: Parameters) -> list[str]:
     if gained or sides.size < 2 or not rows["at_bound"].values.all() or np.ptp(sides) > 0.0:
         return []
     side = "upper" if sides[0] > 0.0 else "lower"
-    return [
+    sentence = (
         f"All masses end at their {side} bounds: an error of the gain of the torque acts in the "
         "same way as masses, inertias, stiffnesses and damping that all differ from the data sheet "
         "by as much."
-    ]
+    )
+    return [sentence]
 
 
 def commissioned(study: PreparedIdentification, progress: bool | None) -> Identification:
