@@ -25,8 +25,8 @@ FAULTS = {
     "spikes": ("strain_1 has",),
     "lost samples": ("strain_1 lacks",),
     "wrapped encoder": ("joint_angle_1 jumps by a whole turn",),
-    "torque delay": ("The torque is late", "delay of the torque"),
-    "torque gain": ("torque_1 reads", "gain of torque_1"),
+    "torque delay": ("The torque acts about", "action of the torque before its record"),
+    "torque gain": ("torque_1 reads", "gain of torque_1", "gain of the torque acts"),
     "encoder offset": ("joint_angle_2 reads", "offset of joint_angle_2"),
 }
 #: Faults that a bench does not have: the angle of the first joint has no effect without gravity,
@@ -113,6 +113,8 @@ def data_sheet(fault: str, seed: int, bench: Bench = ONE) -> fa.Arm:
 def names_fault(result: fa.Identification, fault: str) -> bool:
     """Return whether a sentence of a result names a fault."""
     sentences = [*result.findings, *result.missing]
+    if fault == "torque gain":  # masses that are all larger act in the same way
+        sentences += result.undetermined
     return any(words in text for words in FAULTS[fault] for text in sentences)
 
 

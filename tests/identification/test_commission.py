@@ -7,9 +7,14 @@ import pytest
 
 import flexarm as fa
 from data.bench_records import ONE
+from flexarm.identification.commission import _scaled
 from flexarm.identification.data_sheet import of_drives, of_links, of_masses
+from flexarm.identification.fitting import FitProblem
 from flexarm.identification.inspection import inspected
+from flexarm.identification.missing import information_of, missing_effects
 from flexarm.identification.record import Label
+from flexarm.identification.runs import RecordRun
+from flexarm.identification.space import Space, check_free
 from identification.benches import arm_of, believed, record, rough_record, truth
 from identification.faults import FAULTS, UNSEEN, data_sheet, faulty_record, names_fault
 
@@ -133,11 +138,55 @@ def test_errors_of_records_are_free_parameters():
     np.testing.assert_allclose(found.validation["fit"], found.fit["fit"], atol=0.01)
 
 
-def test_derivatives_by_errors_of_records_are_those_of_differences():
-    from flexarm.identification.fitting import FitProblem
-    from flexarm.identification.runs import RecordRun
-    from flexarm.identification.space import Space, check_free
+def test_torques_that_act_before_their_record_have_a_negative_delay():
+    """Planted: the record shows the torque one sample late (5 ms), and 5 % too large."""
+    bench = record(ONE.name, 2, end=1.0)
+    data = bench.data.copy(deep=True)
+    data["torque"][1:] = 1.05 * data["torque"].values[:-1]
+    measured = fa.MeasuredRecord(data, bench.settings)
+    names = ["delays.torque", "gains.torque_1"]
+    found = fa.identify(arm_of(ONE), measured, names, starts=1, progress=False)
+    # The hold of the torque in the record is exact, so that the noise gives the errors.
+    deviations = found.parameters["standard_deviation"].values
+    values = np.array([found[name] for name in names])
+    assert np.all(np.abs(values - [-0.005, 1.05]) < 4.0 * deviations)
+    assert np.all(deviations < [3e-4, 5e-3])
 
+
+@pytest.mark.parametrize(
+    ("ends", "others", "words"),
+    [((1.1, 1.1), (), "upper"), ((0.9, 0.9), (), "lower"), ((1.1, 0.9), (), None),
+     ((1.1, 1.05), (), None), ((1.1, 1.1), ("gains.torque_1",), None)],
+)  # fmt: skip
+def test_masses_that_all_end_at_their_bounds_may_be_a_gain(ends, others, words):
+    """The equations of motion scale with masses, stiffnesses and damping, as the torque does."""
+    import xarray as xr
+
+    masses = ["links[0].mass_per_length", "payload.mass"]
+    values = np.array(ends)
+    columns = {"estimate": values, "start": np.ones(2), "at_bound": np.abs(values - 1.0) > 0.09}
+    table = xr.Dataset({n: ("parameter", c) for n, c in columns.items()}, {"parameter": masses})
+    sentences = _scaled(table, dict.fromkeys([*masses, *others]))
+    assert len(sentences) == (words is not None)
+    assert words is None or f"All masses end at their {words} bounds" in sentences[0]
+
+
+def test_readings_are_not_named_early():
+    """A gauge 5 ms before its strain has another reason, such as a late encoder."""
+    bench, arm = record(ONE.name, 1, end=1.0), arm_of(ONE)
+    early = changed(bench, "strain", np.roll(bench.data["strain"].values[:, 0], -1))
+    problem = FitProblem(
+        Space(arm, None, [], {"run": early}), [RecordRun("run", early, arm, {})], None
+    )
+    outputs = problem.outputs(problem.space.start)
+    fit = problem.fit(problem.space.start, outputs, True)
+    columns, priors, _ = information_of(problem, fit)
+    effects = missing_effects(problem, fit, columns, priors)
+    assert effects
+    assert not any(e.path == "delays.strain_1" for e in effects), effects
+
+
+def test_derivatives_by_errors_of_records_are_those_of_differences():
     measured = record(ONE.name, None, end=0.5)
     names = ["gains.torque_1", "offsets.strain_1", "gains.strain_1", "links[0].gauges[0].distance"]
     space = Space(arm_of(ONE), None, check_free(names), {"run": measured})

@@ -338,6 +338,10 @@ def test_a_change_by_effects_does_not_make_a_parameter_undetermined(monkeypatch)
     assert deviation > 0.6 * found[RIGIDITY]
     assert found.undetermined == ()
     assert len(found.starts) == 1
+    # Tables and sentences have one limit: a deviation of more than half the value is named.
+    share = round(100.0 * deviation / found[RIGIDITY])
+    uncertain = f"leave uncertain the flexural rigidity of link 1 ({share} %)."
+    assert found.missing[-1].endswith(uncertain), found.missing
 
 
 def test_gaps_do_not_reduce_the_noise_of_the_score_test():

@@ -31,6 +31,7 @@ from flexarm.identification.result import aligned, number_of
 from flexarm.identification.runs import RecordRun, output_derivatives
 from flexarm.identification.space import Case, Slot, Space, check_free, in_words
 from flexarm.identification.statistics import (
+    UNDETERMINED,
     covariance_of,
     fit_percent,
     independence,
@@ -98,12 +99,20 @@ def assessed(
     alone = [(places[0], deviation) for places, deviation in named if len(places) == 1]
     sentences = [_sentence_of_each(alone)] if alone else []
     sentences += [_sentence(places, d) for places, d in named if len(places) > 1]
+    weak = sorted({int(np.flatnonzero(physical)[k]) for places, _ in lost for k in places})
+    missing = [effect.sentence for effect in whole.effects]
+    # The limit of the sentences on data holds for all deviations of the table.
+    share = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / size
+    uncertain = [k for k in np.flatnonzero(physical & (share > UNDETERMINED)) if k not in weak]
+    if missing and uncertain:
+        words = [f"{_words(slots[k])} ({_share(share[k])})" for k in uncertain]
+        missing.append(f"With the effects, the data leave uncertain the {_listed(words)}.")
     return Assessment(
         _table(problem, fit, covariance, whole.vector, np.flatnonzero(physical)),
         _table(problem, fit, covariance, whole.vector, np.flatnonzero(~physical)),
         tuple(sentences),
-        tuple(effect.sentence for effect in whole.effects),
-        tuple(sorted({int(np.flatnonzero(physical)[k]) for places, _ in lost for k in places})),
+        tuple(missing),
+        tuple(weak),
     )
 
 

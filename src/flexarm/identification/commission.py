@@ -172,7 +172,7 @@ def commission(
     paths = result.parameters["parameter"].values.tolist()
     starts = np.array([work.sheet.get(path, without_error(path)) for path in paths], dtype=float)
     table = result.parameters.assign(start=("parameter", starts))
-    findings += _named(table)
+    findings += [*_named(table), *_scaled(table, work.free)]
     return replace(result, parameters=table, stages=work.stages(), findings=tuple(findings))
 
 
@@ -534,7 +534,11 @@ def _named(table: xr.Dataset) -> list[str]:
             sentences.append(f"{text} reads {error:+.2g} % too much: an error of its gain{rival}.")
         elif kind == "delays":
             named = text if label else f"The {text}"
-            sentences.append(f"{named} is late by about {value:.2g} s: a delay.")
+            if value < 0.0:
+                sentence = f"{named} acts about {-value:.2g} s before the record shows it"
+            else:
+                sentence = f"{named} is late by about {value:.2g} s"
+            sentences.append(f"{sentence}: a delay.")
         elif path.endswith(".distance"):
             change = value / start - 1.0 if start else 0.0
             if abs(change) > _NAMED:
@@ -544,6 +548,27 @@ def _named(table: xr.Dataset) -> list[str]:
                     f"{'' if _FACTORS[0] < value / start < _FACTORS[1] else _UNITS}."
                 )
     return sentences
+
+
+def _scaled(table: xr.Dataset, free: Parameters) -> list[str]:
+    """Return the sentence on masses that all end at the same bounds.
+
+    An arm whose masses, inertias, stiffnesses and dampings are all larger by a factor moves in the
+    same way if the torque is, too, so that a record cannot distinguish it from a gain.
+    """
+    masses = [path for path in free if path.endswith((".mass", ".mass_per_length"))]
+    rows = table.sel(parameter=[path for path in masses if path in table["parameter"].values])
+    sides = np.sign(rows["estimate"].values - rows["start"].values)
+    gained = any(path.startswith("gains.torque") for path in free)
+    if gained or sides.size < 2 or not rows["at_bound"].values.all() or np.ptp(sides) > 0.0:
+        return []
+    side = "upper" if sides[0] > 0.0 else "lower"
+    sentence = (
+        f"All masses end at their {side} bounds: an error of the gain of the torque acts in the "
+        "same way as masses, inertias, stiffnesses and damping that all differ from the data sheet "
+        "by as much."
+    )
+    return [sentence]
 
 
 def commissioned(study: PreparedIdentification, progress: bool | None) -> Identification:

@@ -29,6 +29,7 @@ from flexarm.identification.space import (
     Case,
     error_paths,
     in_words,
+    of_input_delay,
     of_records,
     with_joint,
     without_error,
@@ -80,11 +81,7 @@ class _Candidate(NamedTuple):
     path: str
     unit: str
     columns: list[FloatArray]  # (samples,) of each column of residuals
-
-    @property
-    def positive(self) -> bool:
-        """Whether a negative size has no meaning."""
-        return self.path.startswith("joints[")
+    positive: bool = False  # whether a negative size has no meaning
 
 
 def effect_name(path: str, short: bool = False) -> str:
@@ -265,7 +262,7 @@ def joined(case: Case, effects: Sequence[Effect], rates: FloatArray) -> tuple[Ca
         paths.append(path)
         if match is None:
             errors[path] = errors.get(path, without_error(path)) + size
-            if path.startswith("delays."):
+            if path.startswith("delays.") and not of_input_delay(path):
                 errors[path] = max(errors[path], 0.0)
             continue
         index = int(match[1])
@@ -310,8 +307,11 @@ def _sentence(candidate: _Candidate, size: float, share: float) -> str:
     # While a joint moves, both act alike.
     offset = candidate.path.startswith("offsets.torque")
     alike = ", or friction of each direction," if offset else ""
+    name = effect_name(candidate.path)
+    if of_input_delay(candidate.path) and size < 0.0:
+        size, name = -size, f"{name.replace('a delay', 'an action')} before its record,"
     return (
-        f"The residuals show {effect_name(candidate.path)} of about {size:.2g}{unit}{alike} that "
+        f"The residuals show {name} of about {size:.2g}{unit}{alike} that "
         f"the model lacks ({100.0 * share:.0f} % of their power). The standard deviations contain "
         "the change of the estimates by it."
     )
@@ -394,10 +394,22 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
             driven = run.record.driven and run.record.input in MEASURED
             units[path] = _unit(path, MEASURED[run.record.input].unit if driven else "")
     return [
-        _Candidate(path, units[path], [column for columns in every for column in columns.T])
+        _Candidate(
+            path, units[path], [c for columns in every for c in columns.T], _positive(problem, path)
+        )
         for path, every in changes.items()
         if any(np.any(columns) for columns in every)
     ]
+
+
+def _positive(problem: FitProblem, path: str) -> bool:
+    """Return whether a negative size has no meaning: no reading is before its quantity."""
+    kind, _, text = path.partition(".")
+    if kind != "delays":
+        return path.startswith("joints[")
+    channel = text.rpartition("_")[0]
+    stated = any(channel in run.record.settings.delays for run in problem.runs)
+    return not (of_input_delay(path) or stated)
 
 
 def _unit(path: str, of_input: str) -> str:

@@ -342,16 +342,20 @@ class RecordRun:
 
 
 def delayed(history: PiecewiseCubic, delay: float) -> PiecewiseCubic:
-    """Return a history that is later by ``delay`` (s), with its first value before that."""
-    first = np.zeros_like(history.coefficients[:1])
-    first[:, 0] = history.at(history.breaks[:1])
-    start = history.breaks[0]
-    stops = np.concatenate([[start + delay], history.stops + delay])
+    """Return a history that is later by ``delay`` (s), with its first value before that.
+
+    It is earlier by a negative delay, with its last value at the end.
+    """
+    place = 0 if delay > 0.0 else -1
+    edge, constant = history.breaks[[place]], np.zeros_like(history.coefficients[:1])
+    constant[:, 0] = history.at(edge)
+    parts = [constant, history.coefficients]
+    stops = np.concatenate([edge, history.stops]) + delay
     return replace(
         history,
-        breaks=np.concatenate([[start], history.breaks + delay]),
-        coefficients=np.concatenate([first, history.coefficients]),
-        stops=stops[stops > 0.0],
+        breaks=np.sort(np.concatenate([edge, history.breaks + delay])),
+        coefficients=np.concatenate(parts if delay > 0.0 else parts[::-1]),
+        stops=np.sort(stops[stops > 0.0]),
     )
 
 

@@ -130,7 +130,7 @@ class Space:
         start = self._number("free", path)
         lower = parameter.lower
         if lower is None and of_records(path):
-            lower = -np.inf if path.startswith("offsets.") else 0.0
+            lower = -np.inf if path.startswith("offsets.") or of_input_delay(path) else 0.0
         if lower is None:
             below = -1e-6 * (abs(start) or 1.0)
             refused = problems_of(with_number, *self._owner("free", path), below)
@@ -235,6 +235,11 @@ def with_joint(spec: ArmSpec, index: int, joint: Joint) -> ArmSpec:
 def of_records(path: str) -> bool:
     """Return whether a path is an error of a record, such as ``delays.strain_1``."""
     return _OF_RECORDS.match(path) is not None
+
+
+def of_input_delay(path: str) -> bool:
+    """Return whether a path is the delay of the inputs, which is negative if they act early."""
+    return path.startswith("delays.") and "_" not in path
 
 
 def error_paths(record: MeasuredRecord) -> list[str]:

@@ -46,7 +46,8 @@ class FreeParameter(Record, kw_only=False):
     path: Word
     """Path of the number, such as links[0].flexural_rigidity or payload.mass; or of an error of the
     records: offsets.strain_1, gains.torque_1, delays.strain_1, delays.torque. What they contain is
-    gain * truth(t - delay) + offset, besides the delays of their settings."""
+    gain * truth(t - delay) + offset, besides the delays of their settings. Inputs act later than in
+    the record by their delay, and earlier if it is negative."""
     lower: Number | None = None
     """Lower bound; by default 0 if the number cannot be negative."""
     upper: Number | None = None
