@@ -184,13 +184,31 @@ def test_lqg_compensates_the_bending_by_inertia_once():
             "kind": "lqg",
             "posture": [0.5, 0.35],
             "schedule": [[0.2, 0.5, 0.8], [0.1, 0.35, 0.6]],
-            "reference": "quasi_static",
         },
         "run": {"duration": 2.5, "rate": 200.0},
     }
     run = prepare(checked_arguments(Scenario, **scenario)).run(progress=False)
     assert run.attrs["reference_kind"] == "static"
     assert away(run, motion).max() == pytest.approx(most[0], rel=0.1)
+
+
+@pytest.mark.parametrize("kind", ["lqg", "composite"])
+@pytest.mark.parametrize(
+    ("gravity", "reference", "followed"),
+    [(9.81, None, "static"), (9.81, "rigid", "rigid"), (0.0, None, "rigid")],
+)
+def test_files_follow_the_sagging_arm_by_default_under_gravity_only(
+    kind, gravity, reference, followed
+):
+    motion = {"kind": "joint", "start": [0.2, 0.6], "end": [0.8, 0.1], "duration": 1.2}
+    scenario = checked_arguments(
+        Scenario,
+        arm=heavy_arm(gravity).spec,
+        motion=motion,
+        drive={"kind": kind, "posture": [0.5, 0.35], "reference": reference},
+        run={"duration": 2.0},
+    )
+    assert prepare(scenario).followed.kind == followed
 
 
 def test_long_motion_without_breaks_is_followed_at_every_turn():

@@ -143,11 +143,11 @@ def reference_of(arm: Arm, drive: drives.ControllerDrive, motion: TaskReference 
     if isinstance(motion, PressedMotion):
         return Followed(motion, "pressed", motion.holding_torque, motion.initial)
     kind = drive.reference_kind
-    if kind is None:
-        if arm.dof == arm.n_joints:
+    if kind in (None, "sag"):
+        if arm.dof == arm.n_joints or (kind == "sag" and not any(arm.spec.gravity)):
             return _rigid(arm, motion, followed=True)
         try:
-            return _quasi_static(arm, motion)
+            return _quasi_static(arm, motion, "quasi_static" if kind is None else "static")
         except FlexarmError as error:
             return _rigid(arm, motion, f": {error}", followed=True)
     with problems_under("reference"):

@@ -195,7 +195,8 @@ class ControllerDrive(Record):
     """Joint angles to follow: those of the statically bent arm (of lqg, mpc and composite, which
     plan the bending by inertia themselves, bent by gravity alone), of the same with the
     accelerations of its bending, of the arm under the torques of a tip inversion, or of the rigid
-    arm; by default quasi_static where arm and motion allow it."""
+    arm; by default quasi_static where arm and motion allow it, of lqg, mpc and composite only under
+    gravity."""
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
@@ -206,19 +207,20 @@ class ControllerDrive(Record):
 
     @property
     def reference_kind(self) -> str | None:
-        """The kind of the reference; None if it depends on the arm and the motion.
+        """The kind of the reference; None or "sag" if it depends on the arm and the motion.
 
-        "static" is that of an arm that gravity alone bends.
+        "static" is that of an arm that gravity alone bends, and "sag" the same where it exists and
+        the arm has gravity.
         """
         innermost: Any = self
         while getattr(innermost, "inner", None) is not None:
             innermost = innermost.inner
         planned = innermost.declaration.plans_bending
-        if self.reference is None and (
-            planned or getattr(innermost, "feedforward", None) in OF_JOINTS
-        ):
+        if self.reference is None and getattr(innermost, "feedforward", None) in OF_JOINTS:
             return "rigid"
-        return "static" if planned and self.reference == "quasi_static" else self.reference
+        if not planned:
+            return self.reference
+        return {None: "sag", "quasi_static": "static"}.get(self.reference, self.reference)
 
     def balances(self) -> bool:
         """Return whether the controller includes gravity compensation, or accepts no feedforward.
