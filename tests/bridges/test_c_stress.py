@@ -127,3 +127,12 @@ def test_what_cannot_be_exported_is_named(tmp_path):
         fa.export_c(boom(), tmp_path, stations=3, parameters=["joints[0].hub_inertia"])
     with pytest.warns(fa.ImplausibleValueWarning, match="71 Pa is none of a metal"):
         fa.export_c(boom(), tmp_path, stations=3, detail_category=71.0)
+
+
+def test_zero_stations_are_none(tmp_path):
+    files = fa.export_c(boom(), tmp_path, stations=0)
+    assert "stress" not in files[0].read_text()
+    with pytest.raises(
+        fa.InputError, match="stations must be a whole number from 2 to 1000, got 1"
+    ):
+        fa.export_c(boom(), tmp_path, stations=1)

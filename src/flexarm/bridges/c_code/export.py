@@ -17,7 +17,7 @@ from flexarm.bridges.symbolic.models import CasadiModel, exported_model
 from flexarm.control.contract.base import Controller, check_controller
 from flexarm.control.filters.kalman_filter import ExtendedKalmanFilter
 from flexarm.linear.step_derivatives.sampled_step import fastest_rate
-from flexarm.model.quantities import Count, Positive
+from flexarm.model.quantities import Positive
 
 if TYPE_CHECKING:
     from flexarm.bridges.c_code.source import Exported
@@ -39,7 +39,7 @@ def export_c(
     parameters: Sequence[str] = (),
     controller: Controller | None = None,
     observer: ExtendedKalmanFilter | None = None,
-    stations: Count = 0,
+    stations: int = 0,
     detail_category: Positive | None = None,
 ) -> list[Path]:
     """Write the equations of an arm, a controller and a filter as C99 without dependencies.
