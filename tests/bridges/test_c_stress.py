@@ -55,7 +55,7 @@ def test_recorded_run(exported):
 
 @pytest.mark.parametrize("mass", [0.5 * PAYLOAD, 2.0 * PAYLOAD])
 def test_stress_follows_the_payload_that_a_filter_estimates(library, mass):
-    """``fa.stress`` of a run without damping of the joints, where the torque is known."""
+    """The stress at samples of a run under a constant torque is that of ``fa.stress``."""
     arm = boom(payload=fa.Payload(mass=mass, offset=(0.2, 0.1)))
     torque = np.array([2000.0, -500.0, 800.0])
     run = fa.simulate(
@@ -108,7 +108,7 @@ def test_damage_sample_by_sample_is_that_of_the_whole_history(library, seed):
 
 
 def test_a_decaying_vibration_has_more_open_cycles_than_the_memory(library):
-    """Ranges fall by 1 % in a half period, so that 300 are open above the cut-off limit."""
+    """Ranges fall by 1 % in a half period, so that over 300 are open above the cut-off limit."""
     turn = np.arange(0.0, 600.0, 0.05)
     history = 8.0 * CATEGORY * np.exp(-0.01 * turn) * np.cos(np.pi * turn)
     found, expected = damage_of(library, history[:, None]), per_hour(history[:, None])
@@ -125,6 +125,7 @@ def test_what_cannot_be_exported_is_named(tmp_path):
     words = r"parameters\[0\] must be a number of the payload, if the export has stations"
     with pytest.raises(fa.InputError, match=words):
         fa.export_c(boom(), tmp_path, stations=3, parameters=["joints[0].hub_inertia"])
+    pytest.importorskip("fatpack")
     with pytest.warns(fa.ImplausibleValueWarning, match="71 Pa is none of a metal"):
         fa.export_c(boom(), tmp_path, stations=3, detail_category=71.0)
 

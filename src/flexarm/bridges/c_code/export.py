@@ -73,8 +73,7 @@ def export_c(
     Raises:
         InputError: if CasADi or, for a detail category, fatpack is not installed; the name, the
             folder, a parameter, the law of the controller, the filter or the stress is not
-            possible; or files of these names exist that were not
-            exported.
+            possible; or files of these names exist that were not exported.
 
     Warns:
         AccuracyWarning: as in ``to_casadi``.
