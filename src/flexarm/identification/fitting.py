@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,20 @@ from flexarm.integrate.base import FloatArray
 _ROUNDS, _SETTLED = 6, 0.03
 #: First guess of the noise of a channel, and its lowest value, as fractions of its signal.
 _GUESS, _LEAST = 0.1, 1e-7
-#: Relative changes of the sum of squares or of the parameters that end the fit.
-COARSE, _FINE = 1e-3, 1e-6
+
+
+class Precision(NamedTuple):
+    """What ends a search."""
+
+    relative: float  # change of the sum of squares or of the parameters
+    deviations: float  # change of the estimates by a Gauss-Newton step, in standard deviations
+
+
+COARSE, _FINE = Precision(1e-3, 0.3), Precision(1e-6, 0.03)
+#: That of a fit from the result of one with larger tolerances of the runs.
+_ENOUGH = Precision(1e-6, 0.1)
+#: Part of the distance of a start from a fit within which a search ends at that fit.
+_NEARBY = 0.1
 
 #: First step of a search, in scales of the parameters.
 _FIRST = 0.3
@@ -87,6 +99,25 @@ class FitProblem:
             return None
         short = [run for run in runs if run is not None]
         return FitProblem(self.space, short, self._watch) if len(short) == len(runs) else None
+
+    def coarse(self) -> FitProblem | None:
+        """Return the problem with larger tolerances of the runs; None if they are as large."""
+        runs = [run.coarse() for run in self.runs]
+        same = all(run is other for run, other in zip(runs, self.runs, strict=True))
+        return None if same else FitProblem(self.space, runs, self._watch)
+
+    def remaining(self, scaled: FloatArray, rows: FloatArray) -> float:
+        """Return the change by a Gauss-Newton step, in standard deviations of the estimates.
+
+        ``rows`` are the derivatives of ``residuals``, which have been computed before.
+        """
+        vector = self.vector(scaled)
+        outputs = self.outputs(vector)
+        if outputs is None:
+            return np.inf
+        residuals = self.weighted(vector, outputs)
+        step = np.linalg.lstsq(rows, residuals, rcond=None)[0]
+        return float(np.linalg.norm(rows @ step) / (np.sqrt(np.mean(residuals**2)) or 1.0))
 
     def prepare(self, vector: FloatArray) -> None:
         """Return to the first guess of the noise, before a fit that starts at ``vector``."""
@@ -178,6 +209,9 @@ class FitProblem:
             slopes = output_derivatives(run, self.space, k, vector, places)
             if isinstance(slopes, str):
                 raise FitFailure(f"{run.name}: {slopes}")
+            with np.errstate(over="ignore"):  # those of steps that are much too long
+                if not np.isfinite(np.sum(slopes**2)):
+                    raise FitFailure(f"{run.name}: the derivatives are not finite")
             every.append(slopes)
         self._last = vector, every
         return every
@@ -254,7 +288,7 @@ def fit_from(
     start: FloatArray,
     loss: str,
     iterations: int,
-    precision: float = _FINE,
+    precision: Precision = _FINE,
 ) -> Fit:
     """Fit from a vector of parameters, with the noise of the channels estimated in between."""
     scaled, robust = problem.scaled(start), loss != "linear"
@@ -267,17 +301,31 @@ def fit_from(
     # in phase there, so that it has fewer wrong minima.
     early, left = problem.beginning(), iterations
     if early is not None:
-        first, _, used = _minimum(early, scaled, loss, max(1, left // 2), COARSE)
+        ahead, _, used = _minimum(early, scaled, loss, max(1, left // 2), COARSE)
         left = max(1, left - used)
-        first_outputs = problem.outputs(problem.vector(first))
+        problem.evaluations += used
+        first_outputs = problem.outputs(problem.vector(ahead))
         if first_outputs is not None:
-            scaled = first
-            outputs, _ = problem.tune(problem.vector(first), first_outputs, robust)
-    free = problem.noise.keys() - problem.fixed
-    converged, change = True, 0.0
+            scaled = ahead
+            outputs, _ = problem.tune(problem.vector(ahead), first_outputs, robust)
+    first = COARSE if problem.noise.keys() - problem.fixed else precision
+    return _in_rounds(problem, scaled, outputs, loss, left, first, precision)
+
+
+def _in_rounds(
+    problem: FitProblem,
+    scaled: FloatArray,
+    outputs: list[FloatArray],
+    loss: str,
+    left: int,
+    first: Precision,
+    precision: Precision,
+) -> Fit:
+    """Fit from changes with known outputs, in rounds in which the noise is estimated anew."""
+    robust, converged, change = loss != "linear", True, 0.0
     for attempt in range(_ROUNDS):
-        rough = COARSE if free and attempt == 0 else precision
-        scaled, converged, used = _minimum(problem, scaled, loss, left, rough)
+        ends = precision if attempt else first
+        scaled, converged, used = _minimum(problem, scaled, loss, left, ends)
         left -= used
         vector = problem.vector(scaled)
         outputs, change = problem.tune(vector, problem.outputs(vector) or outputs, robust)
@@ -286,10 +334,22 @@ def fit_from(
     return problem.fit(problem.vector(scaled), outputs, converged and change < _SETTLED)
 
 
+class _Ended(Exception):
+    """A search ends at a vector, since it would hardly go on or is near a fit."""
+
+
 def _minimum(
-    problem: FitProblem, scaled: FloatArray, loss: str, iterations: int, precision: float
+    problem: FitProblem,
+    scaled: FloatArray,
+    loss: str,
+    iterations: int,
+    precision: Precision,
+    near: Callable[[FloatArray], bool] = lambda _: False,
 ) -> tuple[FloatArray, bool, int]:
-    """Return the changes with the smallest residuals, whether the search converged, evaluations."""
+    """Return the changes with the smallest residuals, whether the search converged, evaluations.
+
+    It ends, without convergence, where ``near`` says so of changes.
+    """
     # The reflective trust-region method of SciPy shortens a step whose residuals are infinite. It
     # cannot go on from a vector without derivatives, so the search ends at the vector before.
     # FitFailure if the start has no derivatives.
@@ -305,8 +365,14 @@ def _minimum(
     def jacobian(place: FloatArray) -> FloatArray:
         rows = problem.jacobian(place - shift)
         accepted.append(place - shift)
+        close = near(accepted[-1])
+        # Weights of a robust loss are SciPy's.
+        settled = loss == "linear" and problem.remaining(accepted[-1], rows) < precision.deviations
+        if close or settled:
+            raise _Ended(settled and not close)
         return rows
 
+    before = problem.evaluations
     try:
         # The method requires a start strictly between the bounds.
         room = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
@@ -319,11 +385,13 @@ def _minimum(
             method="trf",
             x_scale="jac",
             loss=loss,
-            ftol=precision,
-            xtol=precision,
+            ftol=precision.relative,
+            xtol=precision.relative,
             gtol=1e-12,
             max_nfev=iterations,
         )
+    except _Ended as end:
+        return accepted[-1], bool(end.args[0]), problem.evaluations - before
     except FitFailure:
         if not accepted:
             raise
@@ -331,20 +399,50 @@ def _minimum(
     return solution.x - shift, solution.status > 0, int(solution.nfev)
 
 
+def finished(problem: FitProblem, fit: Fit, loss: str, iterations: int) -> Fit:
+    """Return the fit of a problem, from one with larger tolerances of the runs.
+
+    Estimates that errors of the runs hardly change remain.
+    """
+    problem.restore(fit)
+    scaled, outputs = problem.scaled(fit.vector), problem.outputs(fit.vector)
+    if outputs is None:
+        return fit_from(problem, fit.vector, loss, iterations)
+    problem.evaluations = fit.evaluations
+    left = iterations - fit.evaluations
+    if left < 1:
+        return problem.fit(fit.vector, outputs, fit.converged)
+    return _in_rounds(problem, scaled, outputs, loss, left, _ENOUGH, _ENOUGH)
+
+
 def other_fits(
     problem: FitProblem, best: Fit, direction: FloatArray, loss: str, iterations: int
 ) -> list[Fit]:
     """Return coarse fits that start on both sides of a fit, but full ones if they are better.
 
-    ``direction`` (parameters,) is the change of the parameters to one side.
+    ``direction`` (parameters,) is the change of the parameters to one side. A search that returns
+    to the fit ends near it.
     """
     fits = []
     lower, upper = problem.space.bounds
+    problem.restore(best)
+    rows = problem.rows(problem.scaled(best.vector))
+
+    def distance(scaled: FloatArray) -> float:
+        return float(np.linalg.norm(rows @ (problem.vector(scaled) - best.vector)))
+
+    def is_near(limit: float) -> Callable[[FloatArray], bool]:
+        return lambda scaled: distance(scaled) < limit
+
     for sign in (-1.0, 1.0):
         problem.restore(best)
         start = problem.scaled(np.clip(best.vector + sign * direction, lower, upper))
+        near = is_near(_NEARBY * distance(start))
         try:
-            scaled, converged, _ = _minimum(problem, start, loss, iterations, COARSE)
+            scaled, converged, _ = _minimum(problem, start, loss, iterations, COARSE, near)
+            if near(scaled):
+                fits.append(best)
+                continue
             vector = problem.vector(scaled)
             outputs = problem.outputs(vector)
             if outputs is None:
