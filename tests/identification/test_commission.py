@@ -1,13 +1,15 @@
 """Guided identification: inspected records, stages, faults that are named, and files."""
 
+import re
 import warnings
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import flexarm as fa
 from data.bench_records import ONE
-from flexarm.identification.commission import _scaled
+from flexarm.identification.commission import _named, _scaled
 from flexarm.identification.data_sheet import of_drives, of_links, of_masses
 from flexarm.identification.fitting import FitProblem
 from flexarm.identification.inspection import inspected
@@ -153,15 +155,64 @@ def test_torques_that_act_before_their_record_have_a_negative_delay():
     assert np.all(deviations < [3e-4, 5e-3])
 
 
+@pytest.mark.parametrize(("channel", "stated"), [("torque", 0.01), ("strain", 0.01)])
+def test_errors_of_stated_delays_are_named_relative_to_them(channel, stated):
+    """Planted: torque or strain are 5 ms late, and the settings say 10 ms."""
+    bench = record(ONE.name, 2, end=1.0)
+    data = bench.data.copy(deep=True)
+    if channel == "torque":  # that of the record comes first
+        data["torque"][:-1] = data["torque"].values[1:]
+    else:
+        data["strain"][1:] = data["strain"].values[:-1]
+    measured = fa.MeasuredRecord(data, bench.settings.replace(delays={channel: stated}))
+    name = "torque" if channel == "torque" else "strain_1"
+    with pytest.warns(fa.AccuracyWarning, match=f"the stated delay of .*{name} is about"):
+        found = fa.identify(arm_of(ONE), measured, ["joints[0].hub_inertia"], progress=False)
+    (sentence,) = [text for text in found.missing if "stated delay" in text]
+    size = float(re.search(r"about ([\d.]+) s too long", sentence)[1])
+    assert size == pytest.approx(0.005, rel=0.15)  # of a change that is not linear
+    table = found.parameters.isel(parameter=0)
+    # The estimate with the effect, and the deviation that contains its change.
+    change = float(table["with_effects"] - table["estimate"])
+    assert float(table["standard_deviation"]) >= abs(change)
+    assert float(table["with_effects"]) == pytest.approx(ONE.hub_inertia[0], rel=0.01)
+    fitted = fa.identify(
+        arm_of(ONE), measured, ["joints[0].hub_inertia", f"delays.{name}"], progress=False
+    )
+    assert fitted[f"delays.{name}"] == pytest.approx(-0.005, abs=2e-4)
+    assert not any("delay" in text for text in fitted.missing)
+    columns = ("estimate", "start", "standard_deviation")
+    values = ([-0.005], [0.0], [1e-4])
+    both = zip(columns, values, strict=True)
+    named = xr.Dataset(
+        {key: ("parameter", v) for key, v in both}, {"parameter": [f"delays.{name}"]}
+    )
+    whose = "the torque" if channel == "torque" else name
+    assert _named(named, {channel}) == [f"The stated delay of {whose} is about 0.005 s too long."]
+
+
+def test_inputs_may_have_a_negative_stated_delay():
+    """Of a record that shows the torque one sample late, without other faults."""
+    bench = record(ONE.name, 2, end=1.0)
+    data = bench.data.copy(deep=True)
+    data["torque"][1:] = data["torque"].values[:-1]
+    measured = fa.MeasuredRecord(data, bench.settings.replace(delays={"torque": -0.005}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = fa.identify(arm_of(ONE), measured, ["joints[0].hub_inertia"], progress=False)
+    assert float(found.fit["fit"].min()) > 90.0
+    with pytest.raises(fa.InputError, match=r"delays.strain must be at least 0, got -0.005"):
+        fa.MeasuredRecord(data, delays={"strain": -0.005})
+
+
 @pytest.mark.parametrize(
     ("ends", "others", "words"),
     [((1.1, 1.1), (), "upper"), ((0.9, 0.9), (), "lower"), ((1.1, 0.9), (), None),
-     ((1.1, 1.05), (), None), ((1.1, 1.1), ("gains.torque_1",), None)],
+     ((1.1, 1.05), (), None), ((1.1, 1.1), ("gains.torque_1",), None),
+     ((1.1, 1.1), ("gains.current_1",), None), ((1.1, 1.1), ("motors.torque_constant",), None)],
 )  # fmt: skip
 def test_masses_that_all_end_at_their_bounds_may_be_a_gain(ends, others, words):
     """The equations of motion scale with masses, stiffnesses and damping, as the torque does."""
-    import xarray as xr
-
     masses = ["links[0].mass_per_length", "payload.mass"]
     values = np.array(ends)
     columns = {"estimate": values, "start": np.ones(2), "at_bound": np.abs(values - 1.0) > 0.09}

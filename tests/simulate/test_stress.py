@@ -125,6 +125,25 @@ def test_damage_does_not_depend_on_where_a_repeated_history_begins() -> None:
     np.testing.assert_allclose(fa.fatigue_damage(rolled, 71e6), total, rtol=5e-3)
 
 
+@pytest.mark.parametrize(
+    "shape", [np.linspace(0.0, 1.0, 50), np.linspace(1.0, -0.2, 50) ** 3, np.repeat([0.0, 1.0], 25)]
+)
+def test_a_history_that_only_rises_or_falls_is_one_cycle(shape: np.ndarray) -> None:
+    """It returns to its start when it repeats."""
+    pytest.importorskip("fatpack")
+    history = 3e8 * shape
+    there_and_back = np.concatenate([history, history[::-1]])
+    expected, damage = (
+        fa.fatigue_damage(
+            xr.DataArray(h, {"time": np.linspace(0.0, 3600.0, len(h))}, ("time",)), 71e6
+        )
+        for h in (there_and_back, history)
+    )
+    assert float(expected) > 1e-5
+    # The largest range is rounded to 1/4096, of which the damage is the third power.
+    assert float(damage) == pytest.approx(float(expected), rel=1e-3)
+
+
 def test_missed_peaks_are_reported() -> None:
     pytest.importorskip("fatpack")
     with pytest.warns(fa.AccuracyWarning, match="less than ten samples a cycle"):

@@ -15,6 +15,7 @@ from flexarm.arm.beams.invariants import (
     part_constants,
     shortening_matrices,
 )
+from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.kernels import layout
 from flexarm.kernels.observation.section_forces import section_forces
@@ -22,6 +23,14 @@ from flexarm.model import Load
 
 #: Maximum number of stations on a link; more give no information, because elements are smooth.
 MOST_STATIONS = 1000
+
+
+def check_stations(stations: object) -> int:
+    """Return the number of stations of each link, 0 for none; InputError if it is 1, or wrong."""
+    count = check_count("stations", stations, 0, MOST_STATIONS)
+    if count == 1:
+        raise InputError(Problem("stations", "be 0, or at least 2 (root and tip)", "1"))
+    return count
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -41,6 +41,7 @@ from flexarm.identification.missing import (
     Effect,
     can_join,
     effect_name,
+    error_of_stated,
     information_of,
     joined,
     missing_effects,
@@ -172,7 +173,8 @@ def commission(
     paths = result.parameters["parameter"].values.tolist()
     starts = np.array([work.sheet.get(path, without_error(path)) for path in paths], dtype=float)
     table = result.parameters.assign(start=("parameter", starts))
-    findings += [*_named(table), *_scaled(table, work.free)]
+    stated = {channel for record in fitted.values() for channel in record.settings.delays}
+    findings += [*_named(table, stated), *_scaled(table, work.free)]
     return replace(result, parameters=table, stages=work.stages(), findings=tuple(findings))
 
 
@@ -494,8 +496,11 @@ def _cutoff(values: FloatArray, rate: float) -> float | None:
     return cutoff if 0.0 < cutoff < 0.4 * rate else None
 
 
-def _named(table: xr.Dataset) -> list[str]:
-    """Return sentences on physics and instruments from the estimates of the last fit."""
+def _named(table: xr.Dataset, stated: Container[str]) -> list[str]:
+    """Return sentences on physics and instruments from the estimates of the last fit.
+
+    ``stated``: channels whose delay the records state.
+    """
     sentences = []
     columns = (table[name].values for name in ("estimate", "start", "standard_deviation"))
     rows = zip(table["parameter"].values.tolist(), *columns, strict=True)
@@ -534,11 +539,13 @@ def _named(table: xr.Dataset) -> list[str]:
             sentences.append(f"{text} reads {error:+.2g} % too much: an error of its gain{rival}.")
         elif kind == "delays":
             named = text if label else f"The {text}"
-            if value < 0.0:
-                sentence = f"{named} acts about {-value:.2g} s before the record shows it"
+            if (label.channel if label else text) in stated:
+                whose = named.replace("The ", "the ")
+                sentences.append(f"The stated delay of {whose} is about {error_of_stated(value)}.")
+            elif value < 0.0:
+                sentences.append(f"{named} acts about {-value:.2g} s before the record shows it.")
             else:
-                sentence = f"{named} is late by about {value:.2g} s"
-            sentences.append(f"{sentence}: a delay.")
+                sentences.append(f"{named} is late by about {value:.2g} s: a delay.")
         elif path.endswith(".distance"):
             change = value / start - 1.0 if start else 0.0
             if abs(change) > _NAMED:
@@ -559,7 +566,8 @@ def _scaled(table: xr.Dataset, free: Parameters) -> list[str]:
     masses = [path for path in free if path.endswith((".mass", ".mass_per_length"))]
     rows = table.sel(parameter=[path for path in masses if path in table["parameter"].values])
     sides = np.sign(rows["estimate"].values - rows["start"].values)
-    gained = any(path.startswith("gains.torque") for path in free)
+    alike = ("motors.torque_constant", *(f"gains.{channel}" for channel in INPUTS))
+    gained = any(path.startswith(alike) for path in free)
     if gained or sides.size < 2 or not rows["at_bound"].values.all() or np.ptp(sides) > 0.0:
         return []
     side = "upper" if sides[0] > 0.0 else "lower"

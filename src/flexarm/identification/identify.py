@@ -125,7 +125,7 @@ def identify(
             around the values of the arm. The result is that with the largest likelihood. By default
             one, and two more if it has converged, but the data do not determine a parameter or
             estimates correlate by more than 0.8: on both sides of the result in the direction that
-            the data determine least.
+            the data determine least. A search that returns to the result ends near it.
         seed: of the random starts.
         loss: "linear", or a loss that is robust to outliers: "soft_l1", "huber" or "cauchy".
         method: "output_error" fits the simulated channels. "prediction_error" fits the predictions
@@ -140,7 +140,9 @@ def identify(
             is estimated anew. Intervals of parameters that the data do not determine are computed
             after the fit: by up to ten short fits for each end, of at most six parameters.
         contacts: of all runs, as in ``simulate``. Prediction errors do not support them.
-        integrator, step, rtol, atol, settings: of all runs, as in ``simulate``.
+        integrator, step, rtol, atol, settings: of runs, as in ``simulate``. A search takes a
+            relative tolerance of 1e-4 if ``rtol`` is smaller. It goes on with ``rtol`` if the
+            estimates then change by more than a tenth of their standard deviations.
         progress: True prints the fit of each channel after each evaluation; None does so on a
             terminal.
 

@@ -29,8 +29,10 @@ from flexarm.identification.space import (
     Case,
     error_paths,
     in_words,
+    least_error,
     of_input_delay,
     of_records,
+    stated_delay,
     with_joint,
     without_error,
 )
@@ -82,6 +84,7 @@ class _Candidate(NamedTuple):
     unit: str
     columns: list[FloatArray]  # (samples,) of each column of residuals
     positive: bool = False  # whether a negative size has no meaning
+    stated: bool = False  # whether it is an error of a delay that the record states
 
 
 def effect_name(path: str, short: bool = False) -> str:
@@ -203,10 +206,11 @@ def completed(
     effects. ``columns`` and ``priors`` as in ``missing_effects``.
     """
     rival, best, effects = problem, fit, list[Effect]()
+    free = [slot.path for slot in problem.space.slots]
     covariance = covariance_of(columns, priors)
     while len(effects) < _MOST:
         new = missing_effects(rival, best, columns, priors, 1)
-        if not new or new[0].path in [effect.path for effect in effects]:
+        if not new or new[0].path in {*free, *(effect.path for effect in effects)}:
             break
         effects += new
         try:
@@ -263,8 +267,6 @@ def joined(case: Case, effects: Sequence[Effect], rates: FloatArray) -> tuple[Ca
         paths.append(path)
         if match is None:
             errors[path] = errors.get(path, without_error(path)) + size
-            if path.startswith("delays.") and not of_input_delay(path):
-                errors[path] = max(errors[path], 0.0)
             continue
         index = int(match[1])
         rate = float(rates[driven_joints(spec).index(index)])
@@ -309,13 +311,22 @@ def _sentence(candidate: _Candidate, size: float, share: float) -> str:
     offset = candidate.path.startswith("offsets.torque")
     alike = ", or friction of each direction," if offset else ""
     name = effect_name(candidate.path)
-    if of_input_delay(candidate.path) and size < 0.0:
-        size, name = -size, f"{name.replace('a delay', 'an action')} before its record,"
+    if candidate.stated:
+        words = f"that the stated {name.removeprefix('a ')} is about {error_of_stated(size)}"
+    elif of_input_delay(candidate.path) and size < 0.0:
+        early = name.replace("a delay", "an action")
+        words = f"{early} before its record, of about {-size:.2g} s, that the model lacks"
+    else:
+        words = f"{name} of about {size:.2g}{unit}{alike} that the model lacks"
     return (
-        f"The residuals show {name} of about {size:.2g}{unit}{alike} that "
-        f"the model lacks ({100.0 * share:.0f} % of their power). The standard deviations contain "
-        "the change of the estimates by it."
+        f"The residuals show {words} ({100.0 * share:.0f} % of their power). The standard "
+        "deviations contain the change of the estimates by it."
     )
+
+
+def error_of_stated(size: float) -> str:
+    """Return the words on a stated delay that is too short by a ``size`` (s)."""
+    return f"{abs(size):.2g} s too {'short' if size > 0.0 else 'long'}"
 
 
 def _test(
@@ -394,23 +405,22 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
             columns_of_effect[k] = problem.whitened(k, np.where(tested, change, 0.0))
             driven = run.record.driven and run.record.input in MEASURED
             units[path] = _unit(path, MEASURED[run.record.input].unit if driven else "")
+    records = [run.record for run in problem.runs]
     return [
         _Candidate(
-            path, units[path], [c for columns in every for c in columns.T], _positive(problem, path)
+            path,
+            units[path],
+            [c for columns in every for c in columns.T],
+            path.startswith("joints[") or (least_error(path, records) == 0.0 and _is_delay(path)),
+            _is_delay(path) and stated_delay(path, records) != 0.0,
         )
         for path, every in changes.items()
         if any(np.any(columns) for columns in every)
     ]
 
 
-def _positive(problem: FitProblem, path: str) -> bool:
-    """Return whether a negative size has no meaning: no reading is before its quantity."""
-    kind, _, text = path.partition(".")
-    if kind != "delays":
-        return path.startswith("joints[")
-    channel = text.rpartition("_")[0]
-    stated = any(channel in run.record.settings.delays for run in problem.runs)
-    return not (of_input_delay(path) or stated)
+def _is_delay(path: str) -> bool:
+    return path.startswith("delays.")
 
 
 def _unit(path: str, of_input: str) -> str:

@@ -267,9 +267,6 @@ class PredictionProblem(FitProblem):
         self.torque_noise = fit.torque_noise
         self._take(fit.gains)
 
-    def coarse(self) -> None:
-        """Return None: the steps of a filter are constant."""
-
     def beginning(self) -> None:
         """Return None: predictions over a sample have no wrong minima that a beginning avoids."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.closed import assembled, independent_motions
 from flexarm.base.errors import InputError, Problem, nearest, problems_of, raise_any, shown
 from flexarm.control.design.arm_scales import size_of_zero, typical_rate
-from flexarm.identification.record import Label, MeasuredRecord, columns_of, place_of
+from flexarm.identification.record import Label, MeasuredRecord, columns_of, label_of, place_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Joint, Motors
 from flexarm.model.identification import FreeParameter
@@ -130,7 +130,7 @@ class Space:
         start = self._number("free", path)
         lower = parameter.lower
         if lower is None and of_records(path):
-            lower = -np.inf if path.startswith("offsets.") or of_input_delay(path) else 0.0
+            lower = least_error(path, self._records.values())
         if lower is None:
             below = -1e-6 * (abs(start) or 1.0)
             refused = problems_of(with_number, *self._owner("free", path), below)
@@ -240,6 +240,21 @@ def of_records(path: str) -> bool:
 def of_input_delay(path: str) -> bool:
     """Return whether a path is the delay of the inputs, which is negative if they act early."""
     return path.startswith("delays.") and "_" not in path
+
+
+def stated_delay(path: str, records: Iterable[MeasuredRecord]) -> float:
+    """Return the smallest delay (s) that records state for the channel of a path."""
+    text = path.partition(".")[2]
+    label = label_of(text)
+    channel = label.channel if label else text
+    return min((record.settings.delays.get(channel, 0.0) for record in records), default=0.0)
+
+
+def least_error(path: str, records: Iterable[MeasuredRecord]) -> float:
+    """Return the lowest size of an error of records: no reading is before its quantity."""
+    if path.startswith("offsets.") or of_input_delay(path):
+        return -np.inf
+    return -stated_delay(path, records) if path.startswith("delays.") else 0.0
 
 
 def error_paths(record: MeasuredRecord) -> list[str]:

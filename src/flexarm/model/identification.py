@@ -173,8 +173,9 @@ class RecordSettings(Record):
     """Channels that are compared; by default all that are not inputs."""
     noise: Mapped[Positive] = Field(default={}, validate_default=True)
     """Standard deviation of the noise by channel, in SI units; by default it is estimated."""
-    delays: Mapped[NonNegative] = Field(default={}, validate_default=True)
-    """Delay by channel (s): from a command to its torque, or from a motion to its reading."""
+    delays: Mapped[Number] = Field(default={}, validate_default=True)
+    """Delay by channel (s): from a command to its torque, or from a motion to its reading. That of
+    an input is negative if it acts before the record shows it."""
     filters: Mapped[Filters] = Field(default={}, validate_default=True)
     """Filters by channel, in their order."""
     sensors: Listed[InertialSensor] = ()
@@ -185,6 +186,13 @@ class RecordSettings(Record):
     the record."""
     initial_angle: Listed[Number] | None = None
     """Joint angles at the start (rad); by default those of the first sample, or 0."""
+
+    @classmethod
+    def _faults(cls, given: Given) -> Iterator[Fault]:
+        if given.has("delays"):
+            for channel, delay in given.delays.items():
+                if channel not in INPUTS and delay < 0.0:
+                    yield Fault(("delays", channel), "be at least 0", shown(delay))
 
 
 class RecordFile(RecordSettings):
@@ -219,6 +227,7 @@ class RecordFile(RecordSettings):
 
     @classmethod
     def _faults(cls, given: Given) -> Iterator[Fault]:
+        yield from super()._faults(given)
         if not given.absent("time") and not given.absent("sample_time"):
             yield Fault(("sample_time",), "cannot be combined with time")
         if not given.absent("time_unit") and not given.absent("sample_time"):
@@ -257,7 +266,7 @@ class FitSettings(Record):
     step: Positive | None = None
     """Fixed step of the integrator (s)."""
     rtol: Positive = 1e-7
-    """Relative tolerance of a step."""
+    """Relative tolerance of a step; searches take 1e-4 if it is smaller, and then end with it."""
     atol: Positive | None = None
     """Absolute tolerance at the tip (m); by default rtol / 100 of the reach."""
 

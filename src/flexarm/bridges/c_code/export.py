@@ -130,7 +130,9 @@ def exported(
     observed = None if observer is None else exported_observer(arm, observer)
     rate = fastest_rate(arm)
     largest = float(f"{_STABLE / rate:.3g}") if rate else 1.0
-    functions, points = model_functions(model), stress_points(model, stations, detail_category)
+    filtered = None if observer is None else observer.arm
+    functions = model_functions(model)
+    points = stress_points(model, stations, detail_category, filtered)
     if points:
         functions.append(stress_function(model, points))
     return Exported(

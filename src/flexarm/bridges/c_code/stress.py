@@ -16,8 +16,7 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
-from flexarm.arm.stations import MOST_STATIONS, cuts_at
-from flexarm.base.arguments import check_count
+from flexarm.arm.stations import check_stations, cuts_at
 from flexarm.base.errors import InputError, Problem, without_warnings
 from flexarm.bridges.c_code.model_functions import NamedFunction, named
 from flexarm.bridges.symbolic.kernel_calls import ParametricArm, objects, plain
@@ -74,15 +73,21 @@ class StressPoints:
 
 
 def stress_points(
-    model: CasadiModel, stations: int, detail_category: float | None
+    model: CasadiModel, stations: int, detail_category: float | None, filtered: Arm | None
 ) -> StressPoints | None:
-    """Return the points of an export, None without stations; InputError if there is no stress."""
-    if not stations:
+    """Return the points of an export, None without stations; InputError if there is no stress.
+
+    ``filtered`` is the arm of an exported filter, whose estimates are states of the arm.
+    """
+    if not check_stations(stations):
         if detail_category is not None:
             hint = "Give stations=11, for instance."
             raise InputError(Problem("detail_category", "needs stations of the stress", hint=hint))
         return None
-    check_count("stations", stations, 2, MOST_STATIONS)
+    if filtered and _shapes(filtered) != _shapes(model.arm):
+        rule = "need a filter whose links have the elements and modes of the arm"
+        hint = "Export the arm of the filter."
+        raise InputError(Problem("stations", rule, hint=hint))
     for k, path in enumerate(model.parameters):
         if not path.startswith("payload."):
             rule = "be a number of the payload, if the export has stations"
@@ -94,6 +99,10 @@ def stress_points(
         hint = "Describe links by their material and section, such as a fa.Tube."
         raise InputError(Problem("stations", "need a link with a section", hint=hint))
     return points
+
+
+def _shapes(arm: Arm) -> list[tuple[object, ...]]:
+    return [(link.elements, link.modes, link.segments, link.flexible) for link in arm.spec.links]
 
 
 def stress_function(model: CasadiModel, points: StressPoints) -> NamedFunction:

@@ -48,10 +48,10 @@ def export_c(
     name: Annotated[str, option("NAME", "Prefix of the functions and of the files.")] = "arm",
     parameters: Parameters = None,
     stations: Annotated[
-        int, option("N", "Sections of each link whose stress becomes a function.")
+        int, option("N", "Sections of each link whose stress becomes a function; 0: none.")
     ] = 0,
     detail_category: Annotated[
-        float | None, option("PA", "Stress range of a detail: adds the fatigue damage.")
+        float | None, option("PA", "Stress range of a detail: adds the damage; needs stations.")
     ] = None,
 ) -> None:
     """Write C code: dynamics, kinematics, a step with its derivative, the controller."""

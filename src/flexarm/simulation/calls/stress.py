@@ -190,9 +190,10 @@ def fatigue_damage(stress: xr.DataArray, detail_category: Positive) -> xr.DataAr
         check_array("stress", history, history.shape)
         if np.ptp(history) < curve.Sl:  # also a constant one, in which no cycle is found
             return 0.0
-        turns = len(fatpack.find_reversals(history, k=_SEEN)[0])
+        repeated = from_largest(history)
+        turns = len(fatpack.find_reversals(repeated, k=_SEEN)[0])
         coarse = coarse or turns > _REVERSALS * len(history)
-        ranges = fatpack.find_rainflow_ranges(from_largest(history), k=_CLASSES)
+        ranges = fatpack.find_rainflow_ranges(repeated, k=_CLASSES)
         return float(curve.find_miner_sum(ranges)) / hours
 
     damage: xr.DataArray = xr.apply_ufunc(

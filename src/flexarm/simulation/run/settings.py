@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
-from flexarm.arm.stations import MOST_STATIONS
+from flexarm.arm.stations import check_stations
 from flexarm.base.arguments import (
     check_choice,
-    check_count,
     check_flag,
     check_kind,
     check_positive,
@@ -150,9 +149,7 @@ class RunSettings:
             if kind is not None and not kind.adaptive:
                 rule = f"is not supported with the integrator {kind.name!r}, which has no step "
                 raise InputError(Problem("accuracy", f"{rule}control"))
-        own["stations"] = check_count("stations", self.stations, 0, MOST_STATIONS)
-        if self.stations == 1:
-            raise InputError(Problem("stations", "be 0, or at least 2 (root and tip)", "1"))
+        own["stations"] = check_stations(self.stations)
 
 
 def replaced(settings: RunSettings, **changed: Any) -> RunSettings:

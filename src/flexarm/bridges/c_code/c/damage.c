@@ -27,11 +27,15 @@ static int closed(double *damage, double *turn, int i, int n)
 
 /* Add a stress to a point: memory[0] is its damage, memory[1] the number of its turning points,
    which follow; the last one moves until the stress turns by more than the cut-off limit, below
-   which cycles do no damage. Before the first turn they are the least and the largest stress. */
+   which cycles do no damage. Before the first turn they are the least and the largest stress.
+   A stress that is not finite is left out. */
 static void add_stress(double stress, double *memory, int room)
 {
     double *turn = memory + 2;
     int n = (int)memory[1], i, least = 1;
+    if (!(stress - stress == 0.0)) {
+        return;
+    }
     if (n == 0) {
         turn[0] = turn[1] = stress;
         n = 1;

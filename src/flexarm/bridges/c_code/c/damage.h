@@ -3,7 +3,7 @@
  * EN 1993-1-9, 7.1: slope 3, from five million cycles on 5, none below the cut-off limit. The first
  * sample starts from a memory of zeros. The number of operations depends on the stress.
  *
- *   stress         of ${name}_stress, Pa
+ *   stress         of ${name}_stress, Pa; values that are not finite are left out
  *   damage_memory  damage of closed cycles, and up to $turns turning points of the stress at each
  *                  point. If more are open, the smallest range counts as a cycle.
  */
