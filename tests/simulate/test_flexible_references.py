@@ -1,5 +1,7 @@
 """Joint references under which the tip of a flexible arm reaches its goal, and their tracking."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -248,6 +250,42 @@ def test_excessive_bending_is_reported():
     soft = laboratory_arm(gravity=(0.0, -2000.0), theory="second_order")
     with pytest.raises(fa.SimulationError, match="bend too far"):
         fa.quasi_static_reference(soft, line(soft))
+
+
+def test_a_straight_arm_is_named_as_the_reason():
+    """However slow the motion is: the second joint passes zero, where bent links do not reach."""
+    arm = laboratory_arm(gravity=(0.0, -9.81))
+    for duration in (1.0, 100.0):
+        through = fa.joint_motion(arm, [0.2, 0.6], [0.9, -0.3], duration)
+        with pytest.raises(fa.SimulationError, match=r"nearly straight.* Avoid this posture"):
+            fa.quasi_static_reference(arm, through, order=0)
+
+
+def test_a_file_warns_if_its_drive_keeps_the_sag(tmp_path):
+    """A linear drive under gravity follows the static reference, unless the file says rigid."""
+    text = """
+flexarm: 1
+arm:
+  gravity: [0, -9.81]
+  links: [{length: 0.8, flexural_rigidity: 60, mass_per_length: 0.5, modes: 1},
+          {length: 0.6, flexural_rigidity: 60, mass_per_length: 0.4, modes: 1}]
+motion: {kind: joint, start: [0.2, 0.3], end: [0.4, END], duration: 0.5}
+drive: {kind: lqg, posture: [0.3, 0.2]REFERENCE}
+run: {duration: 0.1, rate: 100}
+"""
+    path = tmp_path / "s.yaml"
+    for end, reference, kind in (
+        ("-0.1", "", "rigid: stopped"),
+        ("-0.1", ", reference: rigid", "rigid"),
+        ("0.25", "", "static"),
+    ):
+        path.write_text(text.replace("END", end).replace("REFERENCE", reference))
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            run = fa.run_scenario(path)
+        assert run.attrs["reference_kind"].startswith(kind)
+        kept = [w for w in warned if "the drive keeps the sag of the links" in str(w.message)]
+        assert len(kept) == (kind == "rigid: stopped"), [str(w.message) for w in warned]
 
 
 def test_scenarios_with_every_controller_run(tmp_path):

@@ -357,6 +357,8 @@ class _Search:
 
 #: Number of instants at which warnings look for the largest bending.
 _INSTANTS = 161
+#: Least motion of the tip by the joints over the largest, below which the arm is nearly straight.
+_STRAIGHT = 0.1
 _NEWTON_STEPS = 12
 #: Gauss points between two breaks of the bending.
 _POINTS = 32
@@ -593,6 +595,14 @@ def _bending(
             break
         if size.max() <= 1e-11 * (1.0 + np.abs(added / unit).max()):
             return added
-    worst = float(times[int(np.argmax(np.nan_to_num(size, nan=np.inf)))])
+    worst = int(np.argmax(np.nan_to_num(size, nan=np.inf)))
+    along = dynamics_along(arm, rigid[0], qd, qdd)
+    _, by = constraint.misses(times, rigid[0], along)
+    by_joints = np.linalg.svd(by[worst][:, arm.joint_index], compute_uv=False)
     reason = "links bend too far for a quasi-static reference."
-    raise SimulationError(worst, reason, "Move more slowly, or make the links stiffer.")
+    hint = "Move more slowly, or make the links stiffer."
+    if by_joints[-1] < _STRAIGHT * by_joints[0]:
+        reason = "the arm is nearly straight, so that the joints hardly move the tip in one "
+        reason += "direction and cannot compensate the bending of the links there."
+        hint = "Avoid this posture."
+    raise SimulationError(float(times[worst]), reason, hint)

@@ -10,7 +10,13 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm.arm import Arm
-from flexarm.base.errors import FlexarmError, LargeDeflectionWarning, without_warnings
+from flexarm.base.errors import (
+    AccuracyWarning,
+    FlexarmError,
+    LargeDeflectionWarning,
+    warn_caller,
+    without_warnings,
+)
 from flexarm.cases.scenario.file_errors import problems_under
 from flexarm.control.design.input_shaping import shaped
 from flexarm.integrate.base import FloatArray
@@ -149,6 +155,9 @@ def reference_of(arm: Arm, drive: drives.ControllerDrive, motion: TaskReference 
         try:
             return _quasi_static(arm, motion, "quasi_static" if kind is None else "static")
         except FlexarmError as error:
+            if kind == "sag":
+                text = "the drive keeps the sag of the links, because no static reference exists"
+                warn_caller(f"{text}: {error}", AccuracyWarning)
             return _rigid(arm, motion, f": {error}", followed=True)
     with problems_under("reference"):
         if kind in _ORDERS:
