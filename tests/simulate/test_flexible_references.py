@@ -275,7 +275,7 @@ run: {duration: 0.1, rate: 100}
 """
     path = tmp_path / "s.yaml"
     for end, reference, kind in (
-        ("-0.1", "", "rigid: stopped"),
+        ("-0.1", "", "rigid: "),
         ("-0.1", ", reference: rigid", "rigid"),
         ("0.25", "", "static"),
     ):
@@ -285,7 +285,7 @@ run: {duration: 0.1, rate: 100}
             run = fa.run_scenario(path)
         assert run.attrs["reference_kind"].startswith(kind)
         kept = [w for w in warned if "the drive keeps the sag of the links" in str(w.message)]
-        assert len(kept) == (kind == "rigid: stopped"), [str(w.message) for w in warned]
+        assert len(kept) == (kind == "rigid: "), [str(w.message) for w in warned]
 
 
 def test_scenarios_with_every_controller_run(tmp_path):

@@ -596,13 +596,11 @@ def _bending(
         if size.max() <= 1e-11 * (1.0 + np.abs(added / unit).max()):
             return added
     worst = int(np.argmax(np.nan_to_num(size, nan=np.inf)))
-    along = dynamics_along(arm, rigid[0], qd, qdd)
-    _, by = constraint.misses(times, rigid[0], along)
-    by_joints = np.linalg.svd(by[worst][:, arm.joint_index], compute_uv=False)
+    _, by = constraint.misses(times, rigid[0], dynamics_along(arm, rigid[0], qd, qdd))
+    moved = np.linalg.svd(by[worst][:, arm.joint_index], compute_uv=False)
     reason = "links bend too far for a quasi-static reference."
     hint = "Move more slowly, or make the links stiffer."
-    if by_joints[-1] < _STRAIGHT * by_joints[0]:
-        reason = "the arm is nearly straight, so that the joints hardly move the tip in one "
-        reason += "direction and cannot compensate the bending of the links there."
+    if moved[-1] < _STRAIGHT * moved[0]:
+        reason = "the arm is nearly straight: its joints cannot compensate the bending there."
         hint = "Avoid this posture."
     raise SimulationError(float(times[worst]), reason, hint)
