@@ -288,7 +288,7 @@ def _open_loop(
 
 def _closed_loop(run: Run, loop: ClosedLoop, analysis: Callable[..., Stability]) -> xr.Dataset:
     """Execute a run with a controller."""
-    unstable, growth = analysis()
+    unstable, growth, *_ = analysis()
     if unstable and run.changes is None:
         warn_caller(unstable, UnstableLoopWarning)
     started = time.perf_counter()
@@ -299,7 +299,7 @@ def _closed_loop(run: Run, loop: ClosedLoop, analysis: Callable[..., Stability])
     except SimulationError as error:
         failure = error
     if run.changes is not None:  # the times of changes at events are known now
-        unstable, growth = analysis(changed=run.changed_arms())
+        unstable, growth, *_ = analysis(changed=run.changed_arms())
         if unstable:
             warn_caller(unstable, UnstableLoopWarning)
     if failure is None:
