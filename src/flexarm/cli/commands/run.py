@@ -108,7 +108,8 @@ def _written(result: xr.Dataset, files: Mapping[str, Path]) -> Iterator[str]:
         elif name == "plot":
             write_figure(fa.plot.signals_figure(result), path)
         else:
-            fa.animate(result, path)
+            speed = fa.animate(result, path).speed
+            name += "" if speed == 1.0 else f" at {speed:g} times the speed of the run"
         yield f"{name} in {path}"
 
 
