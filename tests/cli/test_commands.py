@@ -48,6 +48,33 @@ def test_check_prints_a_summary(good):
     assert words.endswith("ok")
 
 
+def test_check_prints_instruments_and_motors_and_run_the_time_at_the_limits(good):
+    good.write_text(
+        ONE_LINK
+        + "drive: {kind: joint_pd, proportional: 2.0, derivative: 0.4}\n"
+        + "hardware:\n"
+        + "  instruments:\n"
+        + "    - {signal: joint_angle, resolution: 1.0e-4, rate_cutoff: 200 Hz, delay: 1 ms}\n"
+        + "    - {signal: acceleration, link: 1, name: knock, noise: 0.05}\n"
+        + "  motors: {torque_limit: 0.5, time_constant: 2 ms}\n"
+        + "run: {duration: 0.3}\n"
+    )
+    words = " ".join(invoke("check", good).stdout.split())
+    for row in (
+        "instrument joint_angle: resolution 0.0001 rad, delay 0.001 s, rate_cutoff 200 Hz",
+        "instrument knock: link 1, noise 0.05 m/s^2",
+        "motors torque_limit 0.5 N m, time_constant 0.002 s",
+    ):
+        assert f" {row} " in words
+    words = " ".join(invoke("run", good).stdout.split())
+    result = fa.run_scenario(good, progress=False)
+    # The controller requests a torque every millisecond, as often as the run is sampled.
+    share = float((np.abs(result.torque_command) > 0.5).mean())
+    assert 0.1 < share < 0.99
+    shown = float(words.partition("motors at the limit: motor 1 ")[2].partition("%")[0])
+    assert shown == pytest.approx(100.0 * share, abs=1.0)  # two samples of 300
+
+
 def test_check_names_the_integrator_of_a_fixed_step(good):
     """`auto` with a step is another method than without one, as in the result."""
 

@@ -313,3 +313,39 @@ def test_breaks_divide_the_cubic_through_samples(place):
     assert errors[1][~near].max() < 0.1 * errors[0][~near].max()
     # Between two samples a straight line has an error of h^2 / 8 times the curvature.
     assert errors[1][near].max() < (1e-4 if place == 0.4 else 9.0 * 0.05**2 / 8)
+
+
+def tone(t):
+    """Return a torque of 33 kHz, N m."""
+    return 2.0 * np.sin(2.0 * np.pi * 33e3 * np.asarray(t))[..., None]
+
+
+tone.vectorized = True
+
+
+def test_fast_vibration_is_not_taken_for_noise():
+    """A sine of 1650 periods requires more cubics than noise may have."""
+    history = function_history(tone, 0.05, 1, 1e-7)
+    times = np.random.default_rng(0).uniform(0.0, 0.05, 1000)
+    # The tested points have errors below 1e-9 of the largest value, those between at most tenfold.
+    np.testing.assert_allclose(history.at(times), tone(times), atol=2e-8)
+    assert not history.stops.size
+
+
+def test_vibration_with_too_many_periods_is_refused(monkeypatch):
+    monkeypatch.setattr("flexarm.simulation.histories.piecewise._MOST_OF_SMOOTH", 60_000)
+    with pytest.raises(fa.InputError, match=r"vary less over the run.*Shorten the run"):
+        function_history(tone, 0.05, 1, 1e-7)
+
+
+@pytest.mark.parametrize("smooth", [0.0, 1.0])
+def test_noise_as_a_function_of_time_is_refused(smooth):
+    random = np.random.default_rng(0)
+
+    def torque(t):
+        noise = 1e-3 * random.standard_normal(np.shape(t))
+        return (noise + smooth * np.sin(2.0 * np.pi * 5e3 * np.asarray(t)))[..., None]
+
+    torque.vectorized = True
+    with pytest.raises(fa.InputError, match="give noise as samples at a rate"):
+        function_history(torque, 0.05, 1, 1e-7)

@@ -337,7 +337,7 @@ class Record(BaseModel, metaclass=RecordType):
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        rows = list(_leaves(self, ""))
+        rows = list(leaves(self, ""))
         if len(rows) > _MOST_ROWS:
             rows[_MOST_ROWS:] = [(f"... and {len(rows) - _MOST_ROWS} more", "", "")]
         return html_table(f"flexarm.{type(self).__name__}", ("field", "value", "unit"), rows)
@@ -428,14 +428,14 @@ def _short(value: object) -> str:
     return shown(value)
 
 
-def _leaves(record: Record, path: str) -> Iterator[tuple[str, object, str]]:
+def leaves(record: Record, path: str) -> Iterator[tuple[str, object, str]]:
     """Yield the path, the value and the unit of each number or text that the user gave."""
     for name, value in record.__repr_args__():
         items = value if isinstance(value, tuple) else (value,)
         if items and all(isinstance(item, Record) for item in items):
             for i, item in enumerate(items):
                 place = f"{path}{name}[{i}]" if items is value else f"{path}{name}"
-                yield from _leaves(item, f"{place}.")
+                yield from leaves(item, f"{place}.")
         else:
             unit = unit_of_field(type(record), str(name))[0]
             text = value if isinstance(value, float | str) else shown(value)

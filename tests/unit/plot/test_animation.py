@@ -220,6 +220,19 @@ def test_page_needs_no_network_and_has_the_numbers(animation, tmp_path):
     np.testing.assert_allclose(torque, result().torque, atol=1e-5)
 
 
+def test_long_run_is_shown_in_about_a_minute():
+    """Half an hour has 54,000 frames at its own speed, more than an animation may have."""
+    run = result()
+    run = run.assign_coords(time=run.time * 1800.0 / float(run.time[-1]))
+    long = fa.animate(run)
+    assert long.speed == 50.0  # the nearest of 20, 50 and 100 to 36
+    assert len(long.scenes[0].times) == 36 * 30 + 1
+    assert long.scenes[0].times[-1] == 1800.0
+    assert repr(long).endswith("36 s, at 50 times the speed of the run>")
+    with pytest.raises(fa.InputError, match="at most 20000 frames"):
+        fa.animate(run, speed=1.0)
+
+
 def test_names_cannot_end_the_data_of_a_page():
     named = fa.animate({"</script><b>&": result()}, fps=5.0).html()
     assert "</script><b>" not in named

@@ -83,7 +83,7 @@ def test_starting_gains_follow_the_arm_and_chosen_ones_remain():
     drive = project.record.drive
     assert drive.derivative[0] < 0.5 * first[0]
     prepared = prepare(project.scenario)
-    assert prepared.unstable_loop(prepared.loop_poles()) == ""
+    assert prepared.stability().text == ""
     chosen = project.edited(("drive", "derivative", 0), 1.25)
     later = chosen.edited(("arm", "links", 0, "length"), 0.9)
     assert later.record.drive == chosen.record.drive

@@ -80,7 +80,7 @@ def test_another_drive_has_gains_of_a_stable_loop(kind):
     project = project.edited(("drive", "kind"), kind)
     assert project.record.drive.kind == kind
     prepared = prepare(project.scenario)
-    assert prepared.unstable_loop(prepared.loop_poles()) == ""
+    assert prepared.stability().text == ""
 
 
 def test_a_sampled_torque_is_that_of_the_rigid_arm():

@@ -64,10 +64,8 @@ from flexarm.simulation.histories.piecewise import PiecewiseCubic, sampled_torqu
 from flexarm.simulation.loop.control_loop import misfits
 from flexarm.simulation.loop.stability import (
     AnalysedLoop,
-    LoopPole,
-    describe_instability,
-    describe_slow_instability,
-    loop_poles,
+    Stability,
+    stability,
 )
 from flexarm.simulation.run.changes import arm_changes
 from flexarm.simulation.run.contacts import refuse_deep_start, refuse_pressing_outward
@@ -218,30 +216,22 @@ class Prepared:
         others = (options.get(name) for name in ("controller", "reference", "hardware"))
         return implausible_run(self.arm, options["duration"], options.get("rate"), angles, *others)
 
-    def unstable_loop(self, poles: Sequence[LoopPole]) -> str:
-        """Describe an unstable one of the `loop_poles`; empty text if none is."""
-        return describe_instability(poles, self.sample_time or 0.0)
-
-    def slowly_unstable_loop(self, poles: Sequence[LoopPole]) -> str:
-        """Describe one that grows less than tenfold in the run; empty text if none does."""
-        return describe_slow_instability(poles, self.sample_time or 0.0, self.options["duration"])
-
     @property
     def sample_time(self) -> float | None:
         """Sample time of the controller, s; None without a controller."""
         controller = self.options.get("controller")
         return None if controller is None else float(controller.sample_time)
 
-    def loop_poles(
+    def stability(
         self,
         plant: Arm | None = None,
         hardware: Hardware | None = None,
         changes: Sequence[Change] = (),
-    ) -> list[LoopPole]:
-        """Return the dominant poles of the loop, of the scenario or with other arguments."""
+    ) -> Stability:
+        """Analyse the loop of the scenario, or of other arguments."""
         options = self.options
         if "controller" not in options:
-            return []
+            return Stability("", np.nan)
         simulated, duration = plant or self.arm, options["duration"]
         log = event_log(self.arm, options.get("events", ()))
         both = [*options.get("changes", ()), *changes]
@@ -256,7 +246,7 @@ class Prepared:
             simulated.rest(self.arm.joint_angles(options["initial"])),
             duration,
         )
-        return loop_poles(loop, changed=coming.ahead(duration) if coming else ())
+        return stability(loop, changed=coming.ahead(duration) if coming else ())
 
     def arguments(
         self,

@@ -101,14 +101,14 @@ class PreparedStudy:
 
     def unstable_loops(self) -> dict[str, str]:
         """Describe the unstable sampled loops, by "drive on plant along motion"."""
-        found = {
-            f"{drive} on {plant} along {motion}": prepared.unstable_loop(
-                prepared.loop_poles(arm, self.hardware_of(plant), self.study.plants[plant].changes)
-            )
+        texts = {
+            f"{drive} on {plant} along {motion}": prepared.stability(
+                arm, self.hardware_of(plant), self.study.plants[plant].changes
+            ).text
             for (drive, motion), prepared in self._prepared.items()
             for plant, arm in self.plants.items()
         }
-        return {name: text for name, text in found.items() if text}
+        return {name: text for name, text in texts.items() if text}
 
     def one(
         self, drive: str, plant: str, motion: str, simulated: Arm | None = None, **instead: Any

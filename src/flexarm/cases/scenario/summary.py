@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexarm.arm.arm import Arm
-from flexarm.model import AccelerationTable, Scenario
+from flexarm.model import AccelerationTable, Hardware, Instrument, Scenario, Sensor
+from flexarm.model.checks import Record, leaves
 from flexarm.model.scenarios import motions
 from flexarm.model.scenarios.scenario import recording_rate
+from flexarm.simulation.run.channels import CHANNELS
 
 _MOST_LINKS_SHOWN = 12
+#: Fields of an instrument that its label shows.
+_NAMES = ("signal", "name")
 _SURFACES = {"wall": "wall", "round": "circle", "table": "tabulated surface"}
 
 
@@ -47,6 +51,12 @@ def about_run(scenario: Scenario) -> list[tuple[str, str]]:
         rows.append(("motion", f"{_way(motion)}{', pressing' if presses else ''}"))
     run = scenario.run
     rows.append(("drive", scenario.drive.kind.replace("_", " ")))
+    hardware = scenario.hardware or Hardware()
+    for instrument in hardware.instruments or ():
+        unit = _unit_read(instrument)
+        rows.append(("instrument", f"{instrument.label}: {_given(instrument, unit) or 'exact'}"))
+    if hardware.motors is not None:
+        rows.append(("motors", _given(hardware.motors) or "ideal"))
     for joint in scenario.prescribed:
         rows.append((f"joint {joint.joint}", f"prescribed: {joint.kind}"))
     for load in scenario.loads:
@@ -83,6 +93,24 @@ def _way(motion: motions.PlainMotionSpec) -> str:
             kind = motion.kind.replace("_", " ")
             path = f"{kind} from {ends}, {len(motion.points)} points"
     return f"{path} in {motion.duration:g} s, within reach{also}"
+
+
+def _unit_read(instrument: Instrument) -> str:
+    """Return the unit of the readings of an instrument."""
+    signal = instrument.output
+    return signal.unit if isinstance(signal, Sensor) else CHANNELS[signal].unit
+
+
+def _given(record: Record, unit: str = "") -> str:
+    """Return the numbers of a record that a user gave; ``unit`` is that of a field without one."""
+    texts = []
+    for name, value, of_field in leaves(record, ""):
+        text, label = str(value), of_field
+        if isinstance(value, float):
+            text, label = f"{value:g}", of_field or unit
+        if name not in _NAMES:
+            texts.append(f"{name} {text} {'' if label == '1' else label}".rstrip())
+    return ", ".join(texts)
 
 
 def _point(point: Sequence[float]) -> str:

@@ -67,9 +67,9 @@ def check(
             arm = prepared.arm
             odd = prepared.implausible()
             warn_of(odd)
-            poles = prepared.loop_poles()
-            unstable = [prepared.unstable_loop(poles), prepared.slowly_unstable_loop(poles)]
-            rows = [*about_run(scenario), *_about_prepared(prepared, poles)]
+            loop = prepared.stability()
+            unstable = [loop.text, loop.slow]
+            rows = [*about_run(scenario), *_about_prepared(prepared, loop.poles)]
         rows = [*about_arm(arm), *rows]
     unstable = [*dict.fromkeys(texts), *filter(None, unstable)]
     screen = console()

@@ -108,7 +108,8 @@ def _written(result: xr.Dataset, files: Mapping[str, Path]) -> Iterator[str]:
         elif name == "plot":
             write_figure(fa.plot.signals_figure(result), path)
         else:
-            fa.animate(result, path)
+            speed = fa.animate(result, path).speed
+            name += "" if speed == 1.0 else f" at {speed:g} times the speed of the run"
         yield f"{name} in {path}"
 
 
@@ -196,9 +197,24 @@ def _summary(result: xr.Dataset, errors: Mapping[str, float]) -> list[tuple[str,
     if deflection[worst] > 0.0:
         most = f"{1e3 * deflection[worst]:.4g} mm at the tip of link {worst + 1}"
         rows.append(("bending", f"at most {most}"))
+    if at_limit := _at_limits(result):
+        rows.append(("motors", f"at the limit: {at_limit}"))
     if "integration_error" in attributes:
         rows.append(("error", f"about {attributes['integration_error']:.1g} m of the integration"))
     return rows
+
+
+def _at_limits(result: xr.Dataset) -> str:
+    """Describe for how long motors were at their limits; empty if none was."""
+    if "saturation" not in result:
+        return ""
+    names = "joint", "saturation", "longest_saturation"
+    numbers = zip(*(result[name].values for name in names), strict=True)
+    return ", ".join(
+        f"motor {joint} {100.0 * share:.3g}% of the run, up to {longest:.3g} s at a time"
+        for joint, share, longest in numbers
+        if share > 0.0
+    )
 
 
 def _events(result: xr.Dataset) -> Sequence[tuple[str, str]]:

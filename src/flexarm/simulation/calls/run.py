@@ -29,10 +29,16 @@ from flexarm.base.errors import (
 from flexarm.base.user_functions import FunctionError
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.scenario import DURATION, FAILURE
-from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
+from flexarm.simulation.calls.limits import (
+    add_limits,
+    aliased_vibration,
+    limits_of_run,
+    notices_of,
+)
 from flexarm.simulation.calls.preparation import (
     RunArguments,
     Situation,
+    are_samples,
     implausible_run,
     situation_of,
 )
@@ -210,8 +216,11 @@ def _warned(situation: Situation) -> xr.Dataset:
             result, notices = _executed(meter, situation)
         else:
             (result, notices), doubt = _verified(meter, situation, accuracy)
-    if doubt:
-        notices = [*notices, (doubt, AccuracyWarning)]
+    # A user who gives the rate, or torques at that rate, chooses the samples.
+    chosen = situation.settings.rate is not None or are_samples(situation.torque)
+    aliased = "" if chosen else aliased_vibration(result)
+    if doubts := list(filter(None, (doubt, aliased))):
+        notices = [*notices, *((text, AccuracyWarning) for text in doubts)]
         result.attrs["warning"] = " ".join(text for text, _ in notices)
     for text, category in notices:
         warn_caller(text, category)
@@ -288,7 +297,7 @@ def _open_loop(
 
 def _closed_loop(run: Run, loop: ClosedLoop, analysis: Callable[..., Stability]) -> xr.Dataset:
     """Execute a run with a controller."""
-    unstable, growth = analysis()
+    unstable, growth, *_ = analysis()
     if unstable and run.changes is None:
         warn_caller(unstable, UnstableLoopWarning)
     started = time.perf_counter()
@@ -299,7 +308,7 @@ def _closed_loop(run: Run, loop: ClosedLoop, analysis: Callable[..., Stability])
     except SimulationError as error:
         failure = error
     if run.changes is not None:  # the times of changes at events are known now
-        unstable, growth = analysis(changed=run.changed_arms())
+        unstable, growth, *_ = analysis(changed=run.changed_arms())
         if unstable:
             warn_caller(unstable, UnstableLoopWarning)
     if failure is None:

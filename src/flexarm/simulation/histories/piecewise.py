@@ -20,8 +20,9 @@ from flexarm.base.user_functions import FunctionError, call, call_many, first_fa
 #: Allowed error of the cubics, as a fraction of the integrator's tolerance, and its lower limit.
 _SHARE, _LEAST = 1e-2, 1e-12
 #: Maximum number of pieces that are halved at once: a few for a function with a few jumps, all of
-#: them for noise.
-_MOST_PIECES = 50_000
+#: them for noise. More are for a fast vibration: halving divides the errors of cubics of a smooth
+#: function by 16, and those of noise by one.
+_MOST_PIECES, _MOST_OF_SMOOTH, _CONVERGING = 50_000, 150_000, 0.5
 #: Initial number of pieces of a function of time.
 _FIRST_PIECES = 64
 #: Slope over the largest one below which a function rests; share of the time in which one acts that
@@ -146,6 +147,7 @@ class _Follower:
         """
         stops = [np.zeros(0)]
         kept = [(np.zeros(0), np.zeros((0, 4, self._columns)))]
+        before = np.full(starts.size, np.inf)  # errors of the pieces that were halved
         while starts.size:
             coefficients, errors = self._cubics(starts, ends)
             good = errors <= self.allowed
@@ -155,16 +157,29 @@ class _Follower:
             kept.append((starts[done], coefficients[done]))
             a, b = starts[~done], ends[~done]
             if a.size > _MOST_PIECES:
-                rule = "be a function of time that is smooth except for a few jumps"
-                value = f"errors above the tolerance with steps of {(b - a).min():.2g} s"
-                hint = "It must be deterministic: give noise as samples at a rate."
-                raise InputError(Problem(self._name, rule, value, hint))
+                converging = float(np.median((errors / before)[~good])) < _CONVERGING
+                self._check_count(a.size, float((b - a).min()), converging)
+            before = np.tile(errors[~done], 2)
             middle = 0.5 * (a + b)
             starts, ends = np.concatenate([a, middle]), np.concatenate([middle, b])
         times = np.concatenate([start for start, _ in kept])
         order = np.argsort(times)
         pieces = np.concatenate([piece for _, piece in kept])[order]
         return times[order], pieces, np.concatenate(stops)
+
+    def _check_count(self, count: int, shortest: float, converging: bool) -> None:
+        """Raise if ``count`` pieces, the shortest of this length (s), are not to be halved."""
+        if not converging:
+            rule = "be a function of time that is smooth except for a few jumps"
+            value = f"errors above the tolerance with steps of {shortest:.2g} s"
+            hint = "It must be deterministic: give noise as samples at a rate."
+        elif count > _MOST_OF_SMOOTH:
+            rule = "vary less over the run"
+            value = f"a function that requires more than {count} cubics at the tolerance"
+            hint = "Shorten the run, increase rtol, or give samples at a rate."
+        else:
+            return
+        raise InputError(Problem(self._name, rule, value, hint))
 
     def missed(self, history: PiecewiseCubic, times: FloatArray) -> FloatArray:
         """Return the times at which the function differs from its cubics."""

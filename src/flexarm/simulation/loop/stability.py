@@ -60,6 +60,8 @@ class Stability(NamedTuple):
 
     text: str  # description of an instability, or empty
     growth: float  # 1/s, the largest of all postures and arms; NaN if none is analysed
+    slow: str = ""  # description of an instability that grows less than tenfold, or empty
+    poles: Sequence[LoopPole] = ()  # those of `loop_poles`
 
 
 class AnalysedLoop(NamedTuple):
@@ -120,22 +122,28 @@ def loop_poles(
 def stability(
     loop: AnalysedLoop, known: Poles | None = None, changed: Sequence[ChangedArm] = ()
 ) -> Stability:
-    """Describe an instability of the sampled loop, with its growth."""
-    poles = loop_poles(loop, known, changed)
+    """Analyse the sampled loop of a run, and name a change that makes an unstable one stable."""
+    poles, sample_time = loop_poles(loop, known, changed), loop.controller.sample_time
     growth = max((pole.growth for pole in poles), default=np.nan)
-    text = describe_instability(poles, loop.controller.sample_time)
-    if not text:
-        return Stability("", growth)
-    if loop.hardware is not None and getattr(loop.controller, "hardware", loop) is None:
-        poles = loop_poles(loop._replace(hardware=None))
-        if poles and max(pole.growth for pole in poles) <= 0.0:
-            text += " With ideal motors and instruments it is stable: design it with hardware=."
-            return Stability(text, growth)
-    for cured, cure in with_inertia(loop.plant):
-        poles = loop_poles(loop._replace(plant=cured))
-        if poles and max(pole.growth for pole in poles) <= 0.0:
-            return Stability(f"{text} {NO_INERTIA} with {cure} the loop is stable.", growth)
-    return Stability(text, growth)
+    text = describe_instability(poles, sample_time)
+    slow = describe_slow_instability(poles, sample_time, loop.duration)
+    return Stability(f"{text} {_cure(loop)}".strip() if text else "", growth, slow, poles)
+
+
+def _cure(loop: AnalysedLoop) -> str:
+    """Return a sentence with a change that makes an unstable loop stable; empty if none does."""
+    ignored = loop.hardware is not None and getattr(loop.controller, "hardware", loop) is None
+    if ignored and _is_stable(loop._replace(hardware=None)):
+        return "With ideal motors and instruments it is stable: design it with hardware=."
+    for plant, inertia in with_inertia(loop.plant):
+        if _is_stable(loop._replace(plant=plant)):
+            return f"{NO_INERTIA} with {inertia} the loop is stable."
+    return ""
+
+
+def _is_stable(loop: AnalysedLoop) -> bool:
+    poles = loop_poles(loop)
+    return bool(poles) and max(pole.growth for pole in poles) <= 0.0
 
 
 #: Begin of the sentence that names the inertia of motors as a cure.

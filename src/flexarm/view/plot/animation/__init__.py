@@ -34,7 +34,7 @@ from flexarm.view.plot.animation.scene import (
     surroundings,
     thin,
 )
-from flexarm.view.plot.magnified import Magnify, check_magnify
+from flexarm.view.plot.magnified import Magnify, check_magnify, nearest_round
 from flexarm.view.plot.palette import GREY, INK, SERIES
 
 if TYPE_CHECKING:
@@ -150,6 +150,8 @@ def gif(pictures: Iterable[Picture], fps: float) -> bytes:
 
 
 _MOST_FRAMES, _MOST_RESULTS, _MOST_HISTORIES = 20_000, 4, 6
+#: Shown duration of a long run, s; a round speed changes it by up to 58 %.
+_MINUTE = 50.0
 #: Intervals of a history whose extreme values are drawn, about one for two columns of a screen.
 _INTERVALS = 450
 
@@ -169,7 +171,8 @@ class Animation:
 
     def __repr__(self) -> str:
         frames = len(self.scenes[0].times)
-        return f"<flexarm.Animation: {frames} frames, {frames / self.fps:.3g} s>"
+        pace = "" if self.speed == 1.0 else f", at {self.speed:g} times the speed of the run"
+        return f"<flexarm.Animation: {frames} frames, {frames / self.fps:.3g} s{pace}>"
 
     def html(self) -> str:
         """Return an HTML page that plays the animation without a network."""
@@ -220,7 +223,7 @@ def animate(
     contacts: Sequence[Contact] | None = None,
     trace: Flag = True,
     torque: Flag = True,
-    speed: Positive = 1.0,
+    speed: Positive | None = None,
     fps: float = 30.0,
     width: int = 1120,
 ) -> Animation:
@@ -247,7 +250,8 @@ def animate(
         trace: whether to draw the path of the tip.
         torque: whether to draw the joint torques as arrows; the longest is the largest torque of
             the run.
-        speed: seconds of the run per second of the animation: 0.1 is slow motion.
+        speed: seconds of the run per second of the animation: 0.1 is slow motion. By default 1; a
+            run with more than 20,000 frames then is shown in about a minute.
         fps: frames per second. For a GIF the nearest rate of its format: 50, 33.3, 25, 20, ...
         width: of the pictures of a video or GIF, pixels.
 
@@ -266,6 +270,9 @@ def animate(
         fps = 100.0 / gif_delay(fps)
     magnify = check_magnify(magnify)
     width = check_count("width", width, 320, 7680)
+    if speed is None:
+        duration = max(float(np.ptp(result["time"].values)) for result in named.values())
+        speed = nearest_round(duration / _MINUTE) if duration * fps > _MOST_FRAMES else 1.0
     times = _times(named, fps, speed)
     motions, drawings = [], []
     for name, result in named.items():
