@@ -23,10 +23,10 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import xr
 
 if TYPE_CHECKING:
     import numpy as np
-    import xarray as xr
     from numpy.typing import NDArray
 
 T = TypeVar("T")
@@ -342,8 +342,6 @@ def check_dataset(
         InputError: if the value is not an ``xarray.Dataset``, or lacks one of the variables, or one
             that consists of numbers in the original was replaced by something else.
     """
-    import xarray as xr
-
     dataset = check_kind(name, value, xr.Dataset, what)
     for one in needed:
         if one not in dataset.variables:

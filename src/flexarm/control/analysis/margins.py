@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from flexarm.arm.assembly.assemble import IntArray
 from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import as_list, check_each, check_kind, check_list_of, check_numbers
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.base.late import xr
 from flexarm.control.analysis.linear_controller import FrozenReference
 from flexarm.control.analysis.sampled_loop import (
     ComplexArray,
@@ -36,10 +37,6 @@ from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear import modes
 from flexarm.linear.models.state_space import CHANNEL_OUTPUTS
 from flexarm.model import Contact, Hardware, Instrument
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 #: Number of frequencies up to the Nyquist frequency, and number around each pole.
 _FREQUENCIES, _AROUND = 300, 15
@@ -148,8 +145,6 @@ def loop_margins(
 
     Seiler, Packard and Gahinet 2020 for the disk margin.
     """
-    import xarray as xr
-
     if hardware is not None:
         check_kind("hardware", hardware, Hardware)
     contacts = check_list_of("contacts", contacts, Contact)

@@ -13,6 +13,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import check_kind, check_list_of, check_number
 from flexarm.base.errors import InputError, Problem, public_call
+from flexarm.base.late import optimize, xr
 from flexarm.control.analysis.margins import (
     ROUNDED_GROWTH,
     check_single_rate,
@@ -32,7 +33,6 @@ from flexarm.model import Contact, Hardware
 
 if TYPE_CHECKING:
     import control
-    import xarray as xr
 
 
 #: Smallest mean square of the change in a direction, relative to that in the largest one.
@@ -84,8 +84,6 @@ def robustness(
 
     Skogestad and Postlethwaite 2005, chapter 8, for the tests; (C.146) to (C.149).
     """
-    import xarray as xr
-
     rule = "be greater than 1"
     accepted = check_number("sensitivity", sensitivity, lambda value: value > 1.0, rule)
     if hardware is not None:
@@ -197,8 +195,6 @@ def fitted_weight(omega: FloatArray, size: FloatArray) -> tuple[dict[str, float]
     It covers ``size`` (f,) at all frequencies ``omega`` (f,) rad/s, and its mean logarithm over the
     logarithm of frequency is the least.
     """
-    from scipy.optimize import minimize
-
     wanted = np.log(np.maximum(size, 1e-9))
     share = np.gradient(np.log(omega))
     share /= share.sum()
@@ -211,7 +207,9 @@ def fitted_weight(omega: FloatArray, size: FloatArray) -> tuple[dict[str, float]
     middle = np.log(omega[int(np.argmax(wanted))])
     start = np.array([wanted[0], wanted.max(), -middle])
     covers = {"type": "ineq", "fun": lambda numbers: magnitude(numbers) - wanted}
-    done = minimize(lambda n: share @ magnitude(n), start, method="SLSQP", constraints=[covers])
+    done = optimize.minimize(
+        lambda n: share @ magnitude(n), start, method="SLSQP", constraints=[covers]
+    )
     # The optimiser may violate a constraint slightly: raise the weight to cover all of them.
     short = float((wanted - magnitude(done.x)).max())
     raised = done.x + max(short, 0.0)

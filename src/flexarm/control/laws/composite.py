@@ -9,6 +9,7 @@ import numpy as np
 
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.errors import InputError, Problem
+from flexarm.base.late import linalg
 from flexarm.control.contract.base import FloatArray
 from flexarm.control.design.arm_scales import TIP
 from flexarm.control.design.linear_design import (
@@ -129,8 +130,6 @@ class Composite(CompositeParameters, LQG):
 
     def _both(self, item: Design) -> tuple[FastDesign, Design]:
         """Design both parts at a posture, and combine them into one gain; (C.34) to (C.37)."""
-        from scipy.linalg import eigvals
-
         weighted = self.acceptable or {}
         arm, joints, elastic = self.arm, self.arm.joint_index, self._model.elastic
         rest = equilibrium(arm, item.posture)
@@ -152,7 +151,7 @@ class Composite(CompositeParameters, LQG):
         weighed[:k, :k] += bend_weight(needs.rigidity_uncertainty, stiffness, energy)
         sizes = np.outer([1.0, needs.rate], coordinate_sizes(arm)).ravel()
         gain, cost = regulator(A, B, weighed, price, sizes[moved])
-        frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
+        frequency: FloatArray = np.sort(np.sqrt(np.abs(linalg.eigvals(pull))))
         rigid, coupling = M[np.ix_(joints, joints)], M[np.ix_(joints, elastic)]
         # Gravity adds a stiffness, as the sag of the links depends on the joint angles: (C.38).
         whole = model.stiffness

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.errors import InputError, Problem
+from flexarm.base.late import scipy
 from flexarm.motion.dynamics.following_base import FollowingBase
 from flexarm.motion.motion import Floats, Motion
 
@@ -65,8 +66,6 @@ class BaseMotion:
 
     def _extend(self, until: float) -> None:
         """Integrate the base up to a time, s."""
-        from scipy.integrate import solve_ivp
-
         if until <= self._end:
             return
         until = max(until, self._end + _PART * self.motion.duration)
@@ -79,7 +78,7 @@ class BaseMotion:
             def slope(t: float, state: Floats, inside: tuple[float, float] = inside) -> Floats:
                 return self._slope(min(max(t, inside[0]), inside[1]), state)
 
-            path = solve_ivp(
+            path = scipy.integrate.solve_ivp(
                 slope,
                 (a, b),
                 self._state,
