@@ -42,11 +42,6 @@ _TIPS = "link_tip_deflection", "link_tip_slope"
 BENDING = ("strain", *_TIPS, *(f"{name}_rate" for name in _TIPS))
 
 
-def _grows(item: Design) -> bool:
-    """Return whether the loop of a design with its model is unstable."""
-    return bool(np.abs(np.linalg.eigvals(regulated(item)[1])).max() > 1.0 + _ROUNDING)
-
-
 @dataclass(frozen=True, eq=False)
 class FastDesign:
     """Fast part of a `Composite` controller at one posture, with k elastic coordinates."""
@@ -115,7 +110,8 @@ class Composite(CompositeParameters, LQG):
         designs, usual = super()._design_all(), self._usual_bandwidth
         while True:
             pairs = [self._both(item) for item in designs]
-            unstable = [item.posture for _, item in pairs if _grows(item)]
+            poles = [(item, np.linalg.eigvals(regulated(item)[1])) for _, item in pairs]
+            unstable = [item.posture for item, z in poles if np.abs(z).max() > 1.0 + _ROUNDING]
             if not unstable:
                 break
             bandwidth = np.asarray(self.bandwidth, dtype=np.float64)

@@ -35,10 +35,10 @@ from flexarm.simulation.derivatives.differences import differences, local_slopes
 from flexarm.simulation.derivatives.dual_run import channel_derivatives, run_in_duals
 from flexarm.simulation.derivatives.loop_in_duals import loop_in_duals
 from flexarm.simulation.derivatives.parameters import (
+    SAMPLE,
     Parameters,
     check_channels,
     differentiated,
-    has_samples,
     is_of_arm,
     refuse_unsupported,
     simulated,
@@ -252,7 +252,8 @@ def sensitivities(
     with Meter("differentiating", situation.settings.progress) as meter:
 
         def once(run: Situation, exactly: bool) -> _Derivatives:
-            known = simulated(run, has_samples(paths), meter, once=exactly)
+            by_samples = any(SAMPLE.fullmatch(path) for path in paths)
+            known = simulated(run, by_samples, meter, once=exactly)
             return _derivatives(known, paths, names)
 
         def apart(one: _Derivatives, other: _Derivatives) -> FloatArray:
