@@ -121,10 +121,7 @@ def nearest(word: object, known: Iterable[str]) -> str:
 def one_of(value: object, choices: Collection[str], before: str = "") -> tuple[str, str]:
     """Return the rule of a choice and a hint; a long list of names follows the most similar one.
 
-    Args:
-        value: the value that is none of the ``choices``.
-        choices: allowed words.
-        before: another kind of allowed value, such as "a Sensor or ".
+    ``before`` is another kind of allowed value, such as "a Sensor or ".
     """
     near, names = nearest(value, choices), ", ".join(map(repr, choices))
     if len(choices) <= _FEW:
@@ -486,16 +483,7 @@ def warn_deprecated(old: str, new: str, removal: str) -> None:
 
 
 def check_array(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return `value` as a float64 array of exactly `shape` with finite numbers.
-
-    Args:
-        name: the argument's name, for the message.
-        value: array-like of real numbers.
-        shape: lengths of the axes; -1 accepts any length.
-
-    Raises:
-        InputError: if the value is not numeric, its shape differs, or it contains NaN or infinity.
-    """
+    """Return `value` as a float64 array with finite numbers; -1 in `shape` accepts any length."""
     import numpy as np
 
     exact = shape if shape != (-1,) else (getattr(value, "size", 0),)

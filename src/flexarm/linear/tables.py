@@ -26,9 +26,6 @@ def tabulated(
     Between two breaks, intervals are halved until the spline of the longer ones errs by less than
     ``_MISSED`` at the new instants; the error of the result is a sixtieth of it. ``sizes`` (k,) are
     the units in which the values are compared.
-
-    Raises:
-        SimulationError: if ``_MOST`` are too few.
     """
 
     def computed(times: FloatArray) -> FloatArray:

@@ -53,11 +53,7 @@ def check_joint(arm: Coordinates, name: str, joint: object) -> int:
 def check_state(arm: Coordinates, name: str, value: Any) -> FloatArray:
     """Return q (dof,) of a value that is q, or joint angles (joints,) of straight links.
 
-    Raises:
-        InputError: if it has neither shape, or is not finite.
-
-    Warns:
-        ImplausibleValueWarning: if joint angles look like degrees.
+    Warns of joint angles that look like degrees.
     """
     try:
         shape = np.shape(value)

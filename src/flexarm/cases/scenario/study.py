@@ -113,9 +113,7 @@ class PreparedStudy:
     ) -> tuple[xr.Dataset, Reference]:
         """Simulate one run; return its result and its motion.
 
-        Args:
-            simulated: arm in place of that of the plant, whose loads and changes act on it.
-            instead: as in `Prepared.run`.
+        ``simulated`` replaces the arm of the plant, whose loads and changes act on it.
         """
         arguments = self._acting(drive, plant, simulated) | instead
         result = self._prepared[drive, motion].run(**arguments, progress=False)

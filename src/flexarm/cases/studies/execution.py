@@ -302,12 +302,7 @@ class _Sample:
 
     @cached_property
     def prepared(self) -> PreparedStudy:
-        """The study, ready to run.
-
-        Raises:
-            FlexarmError: if a drive or a motion does not fit the numbers of the sample, or a
-                reference or an equilibrium for them was not found.
-        """
+        """The study, ready to run; FlexarmError if it does not fit the numbers of the sample."""
         return PreparedStudy(self.study) if self._own else self._study
 
     def simulated(self, plant: str) -> Arm | None:

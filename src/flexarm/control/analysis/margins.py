@@ -323,11 +323,8 @@ def _of_joint(
 ) -> tuple[float, float, float, float]:
     """Return the margins of the loop opened at one joint, without the disk margin.
 
-    Args:
-        L: its return ratio at all frequencies.
-        real: the same where it is real.
-        at, values: frequencies (rad per sample) where its size is one, and the ratio there.
-        sample_time: s.
+    ``L`` is its return ratio at all frequencies, and ``real`` the same where it is real; ``at`` are
+    the frequencies (rad per sample) where its size is one, with the ratio there in ``values``.
     """
     real = np.append(real, L[[0, -1]].real)
     real[-2] = real[-2] if abs(L[0].imag) < 1e-3 * abs(L[0].real) else 0.0

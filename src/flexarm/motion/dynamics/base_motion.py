@@ -30,12 +30,7 @@ class BaseStates(NamedTuple):
 
 
 class BaseMotion:
-    """Motion of the base along a motion of the joints, from rest at its start.
-
-    Args:
-        following: the base. motion: of the joints.
-        start: (k,) position of the base at rest before the motion.
-    """
+    """Motion of the base along a motion of the joints, from rest at ``start`` (k,) before it."""
 
     def __init__(self, following: FollowingBase, motion: Motion, start: Floats) -> None:
         self.following, self.motion = following, motion
@@ -102,11 +97,6 @@ class BaseMotion:
 
 
 def base_motion(rigid: Arm, motion: Motion) -> BaseMotion:
-    """Return the motion of the base of a rigid mechanism along a motion of its joints.
-
-    Raises:
-        InputError: if closures connect the mechanism with the ground, or the base has no
-            equilibrium at the start.
-    """
+    """Return the motion of the base of a rigid mechanism along a motion of its joints."""
     following = FollowingBase(rigid)
     return BaseMotion(following, motion, following.rest(motion.joint_angle(motion.start_time)))

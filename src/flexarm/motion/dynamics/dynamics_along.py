@@ -93,9 +93,6 @@ class Actuation:
     Theory page "mechanisms", (M.24). With the motions ``Z`` that keep the loops closed and its
     rows ``Z_a`` of the actuated joints, ``P = Z pinv(Z_a)``: the torques ``P' f`` of least norm do
     the work of the forces f of all joints.
-
-    Attributes:
-        arm: a rigid arm.
     """
 
     def __init__(self, arm: Arm, actuated: Sequence[int] | None) -> None:

@@ -113,12 +113,7 @@ def _pinned(arm: Arm, point: FloatArray) -> Arm:
 
 
 def posture_near(arm: Arm, point: FloatArray, posture: ArrayLike | None) -> FloatArray:
-    """Return the joint angles (joints,) of a rigid mechanism near a posture, with the tip at a
-    point (2,).
-
-    Raises:
-        InputError: without a posture, or if the tip does not reach the point near it.
-    """
+    """Return joint angles (joints,) of a rigid mechanism near a posture, with a given tip (2,)."""
     serial_only(arm.spec, "inverse kinematics of the tip", ("a free base",))
     if posture is None:
         hint = "Give joint angles near those at the point."

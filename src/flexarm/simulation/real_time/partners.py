@@ -176,12 +176,7 @@ def check_address(name: str, value: object) -> Address:
 
 
 class Datagrams:
-    """Datagrams to and from a partner.
-
-    Args:
-        address: of the partner; with ``listen``, of this side, whose datagrams go to the last
-            sender until `hold` is called.
-    """
+    """Datagrams to and from a partner, or with ``listen`` to the last sender until `hold`."""
 
     def __init__(self, address: Address, listen: bool) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
