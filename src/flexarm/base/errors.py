@@ -144,14 +144,6 @@ def _likeness(word: str, choice: str) -> tuple[float, int]:
     return ratio, [*alike, False].index(False)
 
 
-def is_count(value: object) -> bool:
-    """Return whether a value is a whole number of 1 or more; ``True`` does not count."""
-    import numpy as np
-
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    return whole and int(value) >= 1  # type: ignore[call-overload]
-
-
 @dataclass(frozen=True)
 class Problem:
     """One problem of an input.
@@ -512,18 +504,6 @@ def check_array(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.
         bad = shown(float(array[tuple(first)]))
         raise InputError(Problem(f"{name}{place}", "be finite", bad))
     return array
-
-
-def check_frequencies(omega: object) -> NDArray[np.float64]:
-    """Return angular frequencies: an array () for one number, or (frequencies,).
-
-    Raises:
-        InputError: if ``omega`` is not a finite number or an array of them.
-    """
-    import numpy as np
-
-    single = isinstance(omega, int | float | np.number)
-    return check_array("omega", omega, () if single else (-1,))
 
 
 def check_result(result: NDArray[np.float64], *given: object) -> NDArray[np.float64]:

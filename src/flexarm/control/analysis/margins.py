@@ -145,17 +145,12 @@ def loop_margins(
 
     Seiler, Packard and Gahinet 2020 for the disk margin.
     """
-    if hardware is not None:
-        check_kind("hardware", hardware, Hardware)
-    contacts = check_list_of("contacts", contacts, Contact)
-    if reference is not None:
-        check_reference(reference)
+    bare = checked_surroundings(hardware, contacts, reference)
     arms = plants_of(controller, plants)
     places = places_of(controller, next(iter(arms.values())), postures, reference)
     names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).n_joints)
     found = {name: np.zeros(shape) for name, *_ in _MARGINS}
     growth, damping = np.zeros(shape[:2]), np.full((2, *shape[:2], _POLES), np.nan)
-    bare = without_friction(contacts)
     with one_warning():
         loops = [
             [loop_at(controller, arm, at, hardware, bare, reference, t) for t, at in places]
@@ -213,6 +208,18 @@ def check_single_rate(loop: SampledLoop) -> None:
     if len(loop.plant.A) > 1:
         rule = "has instruments with their own sample_time, which is not supported"
         raise InputError(Problem("hardware", rule))
+
+
+def checked_surroundings(
+    hardware: Hardware | None, contacts: Sequence[Contact], reference: Reference | None
+) -> Sequence[Contact]:
+    """Validate arguments of a linearised loop, and return its contacts, without friction."""
+    if hardware is not None:
+        check_kind("hardware", hardware, Hardware)
+    contacts = check_list_of("contacts", contacts, Contact)
+    if reference is not None:
+        check_reference(reference)
+    return without_friction(contacts)
 
 
 def plants_of(
@@ -284,6 +291,20 @@ def places_of(
     angles = angles[None] if angles.ndim == 1 else angles
     checked = check_array(name, angles, (-1, arm.n_joints))
     return [(0.0, posture) for posture in checked]
+
+
+def place_of(
+    controller: Controller,
+    arm: Arm,
+    posture: ArrayLike | None,
+    reference: Reference | None = None,
+    rule: str = "be one posture",
+) -> tuple[float, FloatArray]:
+    """Return the time and the posture of one linearisation, by default the first of the design."""
+    places = places_of(controller, arm, posture, reference, "posture")
+    if posture is not None and len(places) > 1:
+        raise InputError(Problem("posture", rule, f"{len(places)} of them"))
+    return places[0]
 
 
 def margins_at(loop: SampledLoop, stable: bool = True) -> list[FloatArray]:

@@ -11,22 +11,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
-from flexarm.base.arguments import check_kind, check_list_of, check_number
+from flexarm.base.arguments import check_kind, check_number
 from flexarm.base.errors import InputError, Problem, public_call
 from flexarm.base.late import optimize, xr
 from flexarm.control.analysis.margins import (
     ROUNDED_GROWTH,
     check_single_rate,
+    checked_surroundings,
     frequency_grid,
     loop_at,
-    places_of,
+    place_of,
     plants_of,
     stability_of,
-    without_friction,
 )
 from flexarm.control.analysis.sampled_loop import ComplexArray, Response, SampledLoop
 from flexarm.control.analysis.structured import structured_bound
-from flexarm.control.contract.base import Controller, Reference, check_reference
+from flexarm.control.contract.base import Controller, Reference
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.state_space import StateSpaceModel, control_system
 from flexarm.model import Contact, Hardware
@@ -91,10 +91,7 @@ def robustness(
     named = plants_of(controller, plants)
     own = getattr(controller, "arm", None)
     arms = [*([own] if isinstance(own, Arm) else []), *named.values()]
-    places = places_of(controller, arms[0], posture, None, "posture")
-    if posture is not None and len(places) > 1:
-        raise InputError(Problem("posture", "be one posture", f"{len(places)} of them"))
-    at = places[0][1]
+    _, at = place_of(controller, arms[0], posture)
     with one_warning():
         loops = [loop_at(controller, arm, at, hardware) for arm in arms]
     for loop in loops:
@@ -291,18 +288,10 @@ def loop_models(
     """
     if plant is not None:
         check_kind("plant", plant, Arm)
-    if hardware is not None:
-        check_kind("hardware", hardware, Hardware)
-    contacts = check_list_of("contacts", contacts, Contact)
-    if reference is not None:
-        check_reference(reference)
+    bare = checked_surroundings(hardware, contacts, reference)
     (arm,) = plants_of(controller, plant, "plant").values()
-    places = places_of(controller, arm, posture, reference, "posture")
-    if posture is not None and len(places) > 1:
-        rule = "be one posture, or one time of the reference"
-        raise InputError(Problem("posture", rule, f"{len(places)} of them"))
-    t, angles = places[0]
-    bare = without_friction(contacts)
+    rule = "be one posture, or one time of the reference"
+    t, angles = place_of(controller, arm, posture, reference, rule)
     with one_warning():
         loop = loop_at(controller, arm, angles, hardware, bare, reference, t)
     check_single_rate(loop)

@@ -13,7 +13,7 @@ from flexarm.arm.actions import marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_choice, library_missing
-from flexarm.base.errors import InputError, Problem, check_frequencies, one_of, public_call, shown
+from flexarm.base.errors import InputError, Problem, check_array, one_of, public_call, shown
 from flexarm.base.late import linalg
 from flexarm.base.notebook import html_table
 from flexarm.model import Load, Sensor
@@ -263,7 +263,8 @@ class StateSpaceModel:
         Raises:
             InputError: if ``omega`` is not a finite number or an array of them.
         """
-        omega = check_frequencies(omega)
+        single = isinstance(omega, int | float | np.number)
+        omega = check_array("omega", omega, () if single else (-1,))
         response = self._response(np.atleast_1d(omega))
         return response if omega.ndim else response[0]
 
