@@ -25,6 +25,7 @@ from flexarm.arm.bending import bending_warning
 from flexarm.arm.dynamics import gaps_by_q
 from flexarm.base.arguments import as_list
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.base.late import linalg
 from flexarm.kernels.columns import GAP, GAP_RATE
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.layout import ArmConstants
@@ -156,15 +157,13 @@ def independent_motions(
     if not arm.closure_rows:
         nothing = np.zeros(0, dtype=np.intp)
         return Motions(arm.dof, free, nothing, None, np.zeros((0, 0)))
-    from scipy.linalg import qr
-
     J = arm.closure_jacobian(q)
     scaled = _scaled(arm, J)[:, free]
     _refuse_dependent(arm, scaled)
     ease = _ease(arm).copy()
     if preferred is not None:
         ease[preferred] /= _FIRST**0.5
-    order = qr(scaled * ease[free], mode="r", pivoting=True)[1]
+    order = linalg.qr(scaled * ease[free], mode="r", pivoting=True)[1]
     dependent = free[np.sort(order[: len(J)])]
     return motions_of(arm, J, np.setdiff1d(free, dependent), dependent)
 
@@ -184,15 +183,13 @@ def motions_of(arm: Arm, J: FloatArray, independent: IntArray, dependent: IntArr
 
 def _refuse_dependent(arm: Arm, scaled: FloatArray) -> None:
     """Raise if rows of a scaled Jacobian (rows, k) depend on each other."""
-    from scipy.linalg import qr
-
     values = np.linalg.svd(scaled, compute_uv=False) if scaled.size else np.zeros(1)
     rank = int(np.count_nonzero(values > _DEPENDENT * values.max()))
     if rank == len(scaled):
         return
     surplus = np.arange(len(scaled))
     if rank:
-        surplus = qr(scaled.T, mode="r", pivoting=True)[1][rank:]
+        surplus = linalg.qr(scaled.T, mode="r", pivoting=True)[1][rank:]
     rule = "depends on the other closures, or on nothing that can move, in this posture"
     hint = (
         "Let more joints move. A straight link does not stretch: a point on its axis that cannot "

@@ -23,10 +23,10 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import xr
 
 if TYPE_CHECKING:
     import numpy as np
-    import xarray as xr
     from numpy.typing import NDArray
 
 T = TypeVar("T")
@@ -110,10 +110,7 @@ def check_posture(
 ) -> NDArray[np.float64]:
     """Return relative joint angles (joints,), rad; positions (m) of joints that slide.
 
-    ``turning`` (joints,) names those that turn, by default all.
-
-    Warns:
-        ImplausibleValueWarning: if the angles look like degrees, see `about_degrees`.
+    ``turning`` (joints,) names those that turn, by default all; `about_degrees` judges their size.
     """
     angles = check_array(name, value, (joints,))
     warn_of_degrees(**{name: angles if turning is None else angles[turning]})
@@ -150,12 +147,7 @@ def about_degrees(name: str, angles: Iterable[float]) -> str:
 def check_each(
     name: str, value: object, count: int = -1, *, positive: bool = False
 ) -> NDArray[np.float64]:
-    """Return a finite number, shape (), or a list of ``count`` numbers; -1: any count.
-
-    Raises:
-        InputError: if the value is neither of them, or not finite, or has no numbers or one that is
-            not greater than 0 although they must be ``positive``.
-    """
+    """Return a finite number, shape (), or a list of ``count`` numbers; -1: any count but 0."""
     array = _plain_array(value)
     single = array is not None and array.ndim == 0
     numbers = check_array(name, value, () if single else (count,))
@@ -224,12 +216,7 @@ def check_options(options: Iterable[str], known: Collection[str], function: str)
 
 
 def check_path(name: str, value: object) -> Path:
-    """Return the path of a file, from text or a path object.
-
-    Raises:
-        InputError: if the value is neither of them, has no file name, is too long for a file
-            system, or contains a null character.
-    """
+    """Return the path of a file that a file system can have, from text or a path object."""
     given = value if isinstance(value, str | PathLike) else None
     try:
         text = fspath(given) if given is not None else None
@@ -266,11 +253,7 @@ def check_last_axes(
     """Return an array of real, complex or symbolic numbers whose last axes have given lengths.
 
     An array is returned unchanged, whatever the type of its numbers; a list becomes an array of
-    floats.
-
-    Args:
-        last: lengths of the last axes.
-        axes: number of axes; None: any number.
+    floats. Without ``axes`` it may have any number of axes.
     """
     import numpy as np
 
@@ -342,8 +325,6 @@ def check_dataset(
         InputError: if the value is not an ``xarray.Dataset``, or lacks one of the variables, or one
             that consists of numbers in the original was replaced by something else.
     """
-    import xarray as xr
-
     dataset = check_kind(name, value, xr.Dataset, what)
     for one in needed:
         if one not in dataset.variables:

@@ -121,10 +121,7 @@ def nearest(word: object, known: Iterable[str]) -> str:
 def one_of(value: object, choices: Collection[str], before: str = "") -> tuple[str, str]:
     """Return the rule of a choice and a hint; a long list of names follows the most similar one.
 
-    Args:
-        value: the value that is none of the ``choices``.
-        choices: allowed words.
-        before: another kind of allowed value, such as "a Sensor or ".
+    ``before`` is another kind of allowed value, such as "a Sensor or ".
     """
     near, names = nearest(value, choices), ", ".join(map(repr, choices))
     if len(choices) <= _FEW:
@@ -145,14 +142,6 @@ def _likeness(word: str, choice: str) -> tuple[float, int]:
     ratio = difflib.SequenceMatcher(a=choice, b=word).ratio()
     alike = [a == b for a, b in zip(word, choice, strict=False)]
     return ratio, [*alike, False].index(False)
-
-
-def is_count(value: object) -> bool:
-    """Return whether a value is a whole number of 1 or more; ``True`` does not count."""
-    import numpy as np
-
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    return whole and int(value) >= 1  # type: ignore[call-overload]
 
 
 @dataclass(frozen=True)
@@ -486,16 +475,7 @@ def warn_deprecated(old: str, new: str, removal: str) -> None:
 
 
 def check_array(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return `value` as a float64 array of exactly `shape` with finite numbers.
-
-    Args:
-        name: the argument's name, for the message.
-        value: array-like of real numbers.
-        shape: lengths of the axes; -1 accepts any length.
-
-    Raises:
-        InputError: if the value is not numeric, its shape differs, or it contains NaN or infinity.
-    """
+    """Return `value` as a float64 array with finite numbers; -1 in `shape` accepts any length."""
     import numpy as np
 
     exact = shape if shape != (-1,) else (getattr(value, "size", 0),)
@@ -524,18 +504,6 @@ def check_array(name: str, value: object, shape: tuple[int, ...]) -> NDArray[np.
         bad = shown(float(array[tuple(first)]))
         raise InputError(Problem(f"{name}{place}", "be finite", bad))
     return array
-
-
-def check_frequencies(omega: object) -> NDArray[np.float64]:
-    """Return angular frequencies: an array () for one number, or (frequencies,).
-
-    Raises:
-        InputError: if ``omega`` is not a finite number or an array of them.
-    """
-    import numpy as np
-
-    single = isinstance(omega, int | float | np.number)
-    return check_array("omega", omega, () if single else (-1,))
 
 
 def check_result(result: NDArray[np.float64], *given: object) -> NDArray[np.float64]:

@@ -81,12 +81,8 @@ def in_processes(
 ) -> Iterator[T]:
     """Yield the results of calls in their order; if they take long, of several processes.
 
-    The first calls are made in this process, and all of them if no processes are available.
-
-    Args:
-        function: with its data, which each process receives once.
-        arguments: of each call.
-        workers: number of processes.
+    The first calls are made in this process, and all of them if no processes are available. Each
+    process receives the function with its data once.
     """
     started, count = 0.0, len(arguments)
     for done, given in enumerate(arguments):
@@ -132,10 +128,8 @@ def process_pool(
 ) -> ProcessPoolExecutor:
     """Return a pool of processes, each of which first calls ``start(*arguments)``.
 
-    Ctrl-C ends them without a traceback.
-
-    Raises:
-        OSError, NotImplementedError, ImportError: if this system has no processes or semaphores.
+    Ctrl-C ends them without a traceback. A system without processes or semaphores raises one of
+    OSError, NotImplementedError and ImportError.
     """
     # Imported here, because most programs start no processes.
     from concurrent.futures import ProcessPoolExecutor

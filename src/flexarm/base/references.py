@@ -5,12 +5,10 @@ from __future__ import annotations
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 from flexarm.base.errors import InputError, Problem, public_call, shown
-
-if TYPE_CHECKING:
-    import xarray as xr
+from flexarm.base.late import xr
 
 
 @cache

@@ -23,9 +23,7 @@ class FunctionError(SimulationError):
 def call(name: str, function: Callable[[Any], Any], t: Any) -> Any:
     """Return the value of a function at a time (s), or at times (T,).
 
-    Raises:
-        FunctionError: if the function raises an exception; flexarm's own exceptions pass unchanged.
-        InputError: if it is asynchronous or a generator, which returns no value.
+    An exception of the function becomes a FunctionError; flexarm's own exceptions pass unchanged.
     """
     try:
         value = function(t)
@@ -77,9 +75,7 @@ def first_failure(
 ) -> FunctionError:
     """Return the failure of a function at the earliest time of failure, found by bisection.
 
-    Args:
-        before: a time (s) at which the function succeeds.
-        failed: its failure at a later time.
+    At ``before`` (s) the function succeeds; ``failed`` is its failure at a later time.
     """
     at, cause = failed.time, failed.__cause__
     for _ in range(_HALVINGS):

@@ -31,12 +31,11 @@ import numpy as np
 
 from flexarm.base.arguments import check_dataset, check_kind, check_path
 from flexarm.base.errors import InputError, Problem, public_call, shown
+from flexarm.base.late import xr
 from flexarm.base.writing.mat_file import mat_bytes
 from flexarm.base.writing.places import AnyPath, check_place, write_text, write_whole
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from flexarm.linear import LinearModel
 
 
@@ -86,7 +85,6 @@ def encode_netcdf(dataset: xr.Dataset) -> Iterator[bytes | memoryview]:
 
 def _read_netcdf(path: AnyPath) -> xr.Dataset:
     import h5py
-    import xarray as xr
 
     checked = _check_digest(path)
     try:

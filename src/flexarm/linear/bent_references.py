@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,6 +34,7 @@ from flexarm.base.errors import (
     public_call,
     warn_caller,
 )
+from flexarm.base.late import interpolate
 from flexarm.base.user_functions import call
 from flexarm.linear.statics.equilibrium import equilibrium, equilibrium_near
 from flexarm.linear.tables import evaluated, tabulated
@@ -43,9 +44,6 @@ from flexarm.motion.dynamics.dynamics_along import MotionTorque, TipConstraint, 
 from flexarm.motion.geometry.inverse_kinematics import tip_jacobian
 from flexarm.motion.motion import DerivedMotion, JointState, Motion, check_motion
 from flexarm.motion.shaping import window_points
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
 
 T = TypeVar("T")
 
@@ -193,10 +191,8 @@ class PressedMotion:
         return np.asarray(np.interp(check_times("t", t), *self._curved))
 
 
-def _spline(times: FloatArray, values: FloatArray) -> BSpline:
-    from scipy.interpolate import make_interp_spline
-
-    return make_interp_spline(times, values, k=5)
+def _spline(times: FloatArray, values: FloatArray) -> interpolate.BSpline:
+    return interpolate.make_interp_spline(times, values, k=5)
 
 
 @public_call
@@ -393,7 +389,7 @@ class QuasiStaticReference(DerivedMotion):
     order: int
     _moving: Motion  # its rates and accelerations bend the links
     _window: tuple[float, ...]
-    _bends: tuple[BSpline, ...]  # before, between two breaks each, after
+    _bends: tuple[interpolate.BSpline, ...]  # before, between two breaks each, after
 
     def _times(self) -> tuple[float, float]:
         start = self._moving.start_time - 0.5 * self.smoothing
@@ -442,7 +438,7 @@ class QuasiStaticReference(DerivedMotion):
         return whole
 
     @cached_property
-    def _averaged(self) -> list[BSpline]:
+    def _averaged(self) -> list[interpolate.BSpline]:
         """Averages (3 dof,) of ``_averages``: before, between two breaks each, after."""
         turn = 2.0 * np.pi / self.smoothing
         sizes = np.outer((1.0, turn, turn**2), coordinate_sizes(self.arm)).reshape(-1)

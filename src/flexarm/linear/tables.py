@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import SimulationError
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
+from flexarm.base.late import interpolate
 
 #: Limits of the number of intervals between two breaks, and number of values computed in one batch.
 _FEWEST, _MOST, _BATCH = 64, 65536, 1024
@@ -23,17 +20,13 @@ _MISSED, _LITTLE = 1e-8, 1e-5
 
 def tabulated(
     breaks: Sequence[float], values: Callable[[FloatArray], FloatArray], sizes: FloatArray
-) -> list[BSpline]:
+) -> list[interpolate.BSpline]:
     """Return splines of values (T, k) at times, constant before the first and after the last break.
 
     Between two breaks, intervals are halved until the spline of the longer ones errs by less than
     ``_MISSED`` at the new instants; the error of the result is a sixtieth of it. ``sizes`` (k,) are
     the units in which the values are compared.
-
-    Raises:
-        SimulationError: if ``_MOST`` are too few.
     """
-    from scipy.interpolate import BSpline, make_interp_spline
 
     def computed(times: FloatArray) -> FloatArray:
         parts = range(0, len(times), _BATCH)
@@ -44,7 +37,7 @@ def tabulated(
         count, missed = _FEWEST, np.inf
         known = computed(_instants(a, b, count))
         while missed > _MISSED:
-            coarse = make_interp_spline(_instants(a, b, count), known, k=5)
+            coarse = interpolate.make_interp_spline(_instants(a, b, count), known, k=5)
             count, known = 2 * count, np.repeat(known, 2, axis=0)[:-1]
             if count > _MOST:
                 reason = "the motion that begins here is too long and fast for a table."
@@ -54,9 +47,9 @@ def tabulated(
             largest = np.abs(known / sizes).max()
             error = np.abs((known[1::2] - coarse(times[1::2])) / sizes).max()
             missed = float(error / max(largest, _LITTLE))
-        pieces.append(make_interp_spline(times, known, k=5))
+        pieces.append(interpolate.make_interp_spline(times, known, k=5))
     ends = (np.array([t]) for t in (breaks[0] - span, breaks[-1] + span))
-    before, after = (BSpline(np.append(t, t + 1.0), values(t), 0) for t in ends)
+    before, after = (interpolate.BSpline(np.append(t, t + 1.0), values(t), 0) for t in ends)
     return [before, *pieces, after]
 
 
@@ -68,7 +61,9 @@ def _instants(a: float, b: float, count: int) -> FloatArray:
     return times
 
 
-def evaluated(splines: Sequence[BSpline], breaks: FloatArray, times: FloatArray) -> FloatArray:
+def evaluated(
+    splines: Sequence[interpolate.BSpline], breaks: FloatArray, times: FloatArray
+) -> FloatArray:
     """Return values (*times.shape, k) of splines of `tabulated`; at a break those after it."""
     inside = np.clip(times, breaks[0], breaks[-1])
     piece = np.searchsorted(breaks, times, side="right")

@@ -182,12 +182,6 @@ def place_faults_of(arm: ArmSpec, load: Load) -> Iterator[Fault]:
     return place_faults(arm.links, load.link, load.spread[1], ("link", "spread"))
 
 
-def load_faults(given: Given) -> Iterator[Fault]:
-    """Yield the faults of loads of a scenario that are not on its arm."""
-    if given.has("arm", "loads"):
-        yield from off_the_arm(given.arm, given.loads)
-
-
 def off_the_arm(arm: ArmSpec, loads: Sequence[Load]) -> Iterator[Fault]:
     """Yield the faults of ``loads`` that are not on an arm."""
     for i, load in enumerate(loads):

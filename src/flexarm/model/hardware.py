@@ -381,13 +381,6 @@ class Hardware(Record, kw_only=False):
                 seen.add(name)
 
 
-def hardware_faults(given: Given) -> Iterator[Fault]:
-    """Yield the faults between the hardware of a scenario and its arm and drive."""
-    if given.has("hardware", "arm"):
-        contacts = not given.has("contacts") or bool(given.contacts)
-        yield from instrument_faults(given.arm, given.hardware, contacts)
-
-
 def instrument_faults(arm: ArmSpec, hardware: Hardware, contacts: bool) -> Iterator[Fault]:
     """Yield the faults of instruments that do not fit an arm, or a run without contacts."""
     gauges = any(link.gauges for link in arm.links)

@@ -104,7 +104,8 @@ def polygon_faults(x: Sequence[float], y: Sequence[float], closed: bool) -> Iter
     if not closed:
         return
     length = sum(math.dist(a, b) for a, b in pairwise(points))
-    if abs(_area(points)) <= near * length:
+    twice = sum(x * y_next - x_next * y for (x, y), (x_next, y_next) in pairwise(points))
+    if abs(0.5 * twice) <= near * length:
         yield Fault(("x",), "enclose an area together with y", shown(list(x)))
         return
     crossing = min(_crossings(points), default=None)
@@ -118,12 +119,6 @@ def polygon_faults(x: Sequence[float], y: Sequence[float], closed: bool) -> Iter
 
 def _nearness(x: Sequence[float], y: Sequence[float]) -> float:
     return _SAME_PLACE * max(max(x) - min(x), max(y) - min(y))
-
-
-def _area(points: Sequence[Point]) -> float:
-    """Return the area inside a closed polygon, m^2, negative if clockwise."""
-    sides = pairwise(points)
-    return 0.5 * sum(x * y_next - x_next * y for (x, y), (x_next, y_next) in sides)
 
 
 def _crossings(points: Sequence[Point]) -> Iterator[tuple[int, int]]:

@@ -11,24 +11,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.closed import held_joints
 from flexarm.base.arguments import check_number, check_positive, check_times, warn_of_degrees
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.base.late import interpolate
 from flexarm.base.notebook import html_table
 from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
 from flexarm.motion.geometry.mechanism_path import Given, mechanism_path, quintic_table
 from flexarm.motion.timing import TimingLaw, timing_law
-
-if TYPE_CHECKING:
-    from scipy.interpolate import PPoly
-
-    from flexarm.arm.arm import Arm
 
 Floats = NDArray[np.float64]
 
@@ -242,7 +239,7 @@ class DrivenMotion(JointMotion):
     """
 
     driven: tuple[int, ...] = field(kw_only=True)
-    _table: PPoly = field(kw_only=True)
+    _table: interpolate.PPoly = field(kw_only=True)
 
     def path(self, s: Floats) -> JointState:
         """Return the postures along the path and their derivatives."""
@@ -359,7 +356,7 @@ class TabulatedMotion(Motion):
     and after the motion.
     """
 
-    _table: PPoly
+    _table: interpolate.PPoly
 
     @public_call
     def joint_angle(self, t: ArrayLike) -> Floats:
@@ -399,7 +396,7 @@ class SampledMotion(TabulatedMotion, DerivedMotion):
 
     rate: float
     error: JointState
-    _table: PPoly
+    _table: interpolate.PPoly
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -17,17 +17,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from flexarm.base.arguments import check_choice, check_positive
 from flexarm.base.errors import InputError, Problem, public_call
+from flexarm.base.late import interpolate, optimize
 from flexarm.motion.motion import DerivedMotion, Floats, JointState, Motion, check_motion
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
-
 
 #: Number of frequencies at which a design limits the residual, and of possible impulses in half a
 #: shaper. Between two frequencies the residual exceeds the tolerance by 5e-4 of it at most, for
@@ -84,8 +81,6 @@ def specified_insensitivity(
     damping_ratio: float, tolerance: float, insensitivity: float
 ) -> Impulses:
     """Return the shortest positive impulses with a limited residual in a range; (C.16)."""
-    from scipy.optimize import minimize
-
     start = _undamped(tolerance, insensitivity)
     decayed = start.amplitudes * np.exp(-_slope(damping_ratio) * start.phases)
     count = len(decayed)
@@ -98,7 +93,7 @@ def specified_insensitivity(
         left = residual(shaper(x), damping_ratio, ratios) / tolerance
         return 1.0 - left**2
 
-    found = minimize(
+    found = optimize.minimize(
         lambda x: x[count:].sum(),
         np.concatenate([decayed / decayed.sum(), np.diff(start.phases)]),
         method="SLSQP",
@@ -147,14 +142,12 @@ def _undamped(tolerance: float, insensitivity: float) -> Impulses:
 
 def _least(duration: float, insensitivity: float) -> tuple[float, Floats]:
     """Return the smallest limit of the residual, and amplitudes of pairs; ``duration`` in rad."""
-    from scipy.optimize import linprog
-
     waves = np.cos(np.outer(_range(insensitivity), np.linspace(0.0, 0.5 * duration, _PLACES)))
     limit = -np.ones((len(waves), 1))
     both = np.vstack([np.hstack([waves, limit]), np.hstack([-waves, limit])])
     cost, total = np.zeros(_PLACES + 1), np.ones((1, _PLACES + 1))
     cost[-1], total[0, -1] = 1.0, 0.0
-    found = linprog(cost, both, np.zeros(len(both)), total, [1.0], method="highs")
+    found = optimize.linprog(cost, both, np.zeros(len(both)), total, [1.0], method="highs")
     return float(found.fun), found.x[:-1]
 
 
@@ -183,14 +176,12 @@ class Clock:
     rates: Floats
 
     @cached_property
-    def _rate(self) -> BSpline:
-        from scipy.interpolate import make_interp_spline
-
+    def _rate(self) -> interpolate.BSpline:
         still = [(1, 0.0), (2, 0.0)]
-        return make_interp_spline(self.times, self.rates, k=5, bc_type=(still, still))
+        return interpolate.make_interp_spline(self.times, self.rates, k=5, bc_type=(still, still))
 
     @cached_property
-    def _phase(self) -> BSpline:
+    def _phase(self) -> interpolate.BSpline:
         return self._rate.antiderivative()
 
     def rate(self, t: Floats, derivative: int = 0) -> Floats:

@@ -10,18 +10,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from importlib.resources import as_file, files
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.base.late import xr
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.linear import modes
 from flexarm.model import Scenario, load_scenario
 from flexarm.view.plot.paper.paper_data import FloatArray, Histories
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Motion times (s): the scenario's own, and half of it.
 SLOW, FAST = 2.0, 1.0

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexarm.arm.assembly.assemble import Assembly, FloatArray
 from flexarm.arm.items import items_of
 from flexarm.base.arguments import as_list, check_last_axes, check_posture
-from flexarm.base.errors import InputError, Problem, check_array, is_count, public_call, shown
+from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.model import ArmSpec, Joint, Link
 
 A = TypeVar("A", bound="Coordinates")
@@ -43,7 +43,8 @@ def once_per_arm(function: Callable[Concatenate[A, P], R]) -> Callable[Concatena
 def check_joint(arm: Coordinates, name: str, joint: object) -> int:
     """Return the index in ``joint_index`` of a joint by its number from 1, or raise InputError."""
     numbers = arm.joint_numbers.tolist()
-    if is_count(joint) and joint in numbers:
+    whole = isinstance(joint, int | np.integer) and not isinstance(joint, bool)  # 1, but not True
+    if whole and joint in numbers:
         return int(numbers.index(joint))
     known = ", ".join(map(str, numbers)) or "there are none"
     rule = f"be the number of a joint that is not fixed ({known})"
@@ -53,11 +54,7 @@ def check_joint(arm: Coordinates, name: str, joint: object) -> int:
 def check_state(arm: Coordinates, name: str, value: Any) -> FloatArray:
     """Return q (dof,) of a value that is q, or joint angles (joints,) of straight links.
 
-    Raises:
-        InputError: if it has neither shape, or is not finite.
-
-    Warns:
-        ImplausibleValueWarning: if joint angles look like degrees.
+    Warns of joint angles that look like degrees.
     """
     try:
         shape = np.shape(value)

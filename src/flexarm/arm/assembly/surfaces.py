@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexarm.base.late import interpolate
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.surface import (
     COUNT,
@@ -18,9 +18,6 @@ from flexarm.kernels.forces.surface import (
     SURFACE_PLACES,
 )
 from flexarm.model.surfaces import RoundWall, Surface, SurfaceTable, Wall
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 
 def surface_rows(surfaces: Sequence[Surface]) -> tuple[FloatArray, FloatArray]:
@@ -62,16 +59,14 @@ def arc_of(surface: Wall | RoundWall) -> tuple[float, FloatArray, FloatArray]:
 @lru_cache(maxsize=32)
 def pieces_of(surface: SurfaceTable) -> FloatArray:
     """Return rows (pieces, 9) of the spline through the points of a surface; see ``_cut``."""
-    from scipy.interpolate import CubicSpline
-
     points = np.array(surface.points)
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     ends = "periodic" if surface.closed else "natural"
-    spline = CubicSpline(np.append(0.0, np.cumsum(lengths)), points, bc_type=ends)
+    spline = interpolate.CubicSpline(np.append(0.0, np.cumsum(lengths)), points, bc_type=ends)
     return _cut(spline, surface.closed)
 
 
-def _cut(spline: CubicSpline, closed: bool) -> FloatArray:
+def _cut(spline: interpolate.CubicSpline, closed: bool) -> FloatArray:
     """Return rows (pieces, 9): start (polygon length, m), cubics of x, y; open at both ends."""
     starts = []
     for a, b in zip(spline.x[:-1], spline.x[1:], strict=True):

@@ -25,6 +25,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial import polynomial
 
+from flexarm.base.late import interpolate, linalg, scipy
+
 FloatArray = npt.NDArray[np.float64]
 
 # Rows: powers 0 to 3 of xi; columns: the shape functions for an element of unit length.
@@ -161,17 +163,14 @@ def interpolation_error(table: BeamTable) -> float:
         return 0.0
     if not np.any(table.mass_per_length):
         return 0.0
-    from scipy.integrate import cumulative_simpson, simpson
-    from scipy.interpolate import PchipInterpolator
-
     share = np.linspace(0.0, 1.0, _BETWEEN, endpoint=False)
     x = np.append((table.x[:-1, None] + np.diff(table.x)[:, None] * share).ravel(), table.x[-1])
     columns = table.flexural_rigidity, table.mass_per_length
     linear = [np.interp(x, table.x, column) for column in columns]
-    smooth = [np.asarray(PchipInterpolator(table.x, column)(x)) for column in columns]
+    smooth = [np.asarray(interpolate.PchipInterpolator(table.x, column)(x)) for column in columns]
 
     def integral(values: FloatArray) -> FloatArray:
-        return np.asarray(cumulative_simpson(values, x=x, initial=0))
+        return np.asarray(scipy.integrate.cumulative_simpson(values, x=x, initial=0))
 
     # The shape under the inertia of a parabola, one step of an inverse iteration.
     force = integral(linear[1] * x**2)
@@ -180,7 +179,8 @@ def interpolation_error(table: BeamTable) -> float:
     curvature = (moment[-1] - moment) / linear[0]
     deflection = integral(integral(curvature))
     changes = [
-        simpson((after - before) * shape**2, x=x) / simpson(before * shape**2, x=x)
+        scipy.integrate.simpson((after - before) * shape**2, x=x)
+        / scipy.integrate.simpson(before * shape**2, x=x)
         for before, after, shape in zip(linear, smooth, (curvature, deflection), strict=True)
     ]
     return float(abs(0.5 * (changes[0] - changes[1])))
@@ -466,11 +466,11 @@ class _Interior:
 
     def stiffened(self, strain_to_nodal: FloatArray, units: FloatArray) -> FloatArray:
         """Return F of (K + Y^T Y)^-1 = F F^T from that of K^-1, whose rows have ``units`` (n,)."""
-        from scipy.linalg import solve_triangular
-
         Y = self.stiffening @ (strain_to_nodal / units[:, None])
         lower = np.linalg.cholesky(np.eye(len(units)) + Y.T @ Y)
-        return np.asarray(solve_triangular(lower, strain_to_nodal.T, lower=True).T, np.float64)
+        return np.asarray(
+            linalg.solve_triangular(lower, strain_to_nodal.T, lower=True).T, np.float64
+        )
 
 
 def interior_values(

@@ -27,6 +27,7 @@ from flexarm.arm.beams.assembly import (
     shear_parameters,
 )
 from flexarm.base.errors import InputError, Problem, check_array, shown
+from flexarm.base.late import linalg
 
 #: Legendre coefficients of a cubic on (-1, 1) from the means, over its left and its right half, of
 #: the cubic and of its product with the first Legendre polynomial of the half.
@@ -369,8 +370,6 @@ def beam_basis(
     ``element_length`` h (m). ``modes`` is m, or None for all n: 1 keeps the shape of the tip force,
     2 also that of the tip moment. InputError if the mass matrix is not positive definite.
     """
-    from scipy.linalg import solve_triangular
-
     # Rotations times the element length keep the mass matrix well conditioned on any mesh.
     units = np.tile([1.0, element_length], len(strain_to_nodal) // 2)
     root_mass = _mass_factor(matrices.mass / np.outer(units, units))
@@ -380,7 +379,7 @@ def beam_basis(
     if modes is not None:
         motion = motion @ _craig_bampton(motion, strain_to_nodal, modes)
     vectors, periods, _ = np.linalg.svd(motion, full_matrices=False)
-    basis = solve_triangular(root_mass, vectors, lower=True, trans="T") / units[:, None]
+    basis = linalg.solve_triangular(root_mass, vectors, lower=True, trans="T") / units[:, None]
     # Make the tip deflection positive, or else the largest entry.
     shapes = basis * units[:, None]
     tip, largest = shapes[-2], np.abs(shapes).max(axis=0)

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from flexarm.base.late import scipy
+
 
 def mat_bytes(variables: Mapping[str, Any]) -> bytes:
     """Return the content of a MAT file of version 5.
@@ -15,11 +17,9 @@ def mat_bytes(variables: Mapping[str, Any]) -> bytes:
     Vectors become columns, lists of texts cell arrays, and mappings structures. Names have at most
     63 characters.
     """
-    from scipy.io import savemat
-
     content = BytesIO()
     plain = {name: _cells(value) for name, value in variables.items()}
-    savemat(content, plain, oned_as="column", do_compression=True, long_field_names=True)
+    scipy.io.savemat(content, plain, oned_as="column", do_compression=True, long_field_names=True)
     return content.getvalue()
 
 

@@ -18,14 +18,7 @@ AnyPath = str | os.PathLike[str]
 def check_place(name: str, path: AnyPath, suffixes: Collection[str]) -> Path:
     """Return ``path`` if a file can be written there; create missing folders.
 
-    Args:
-        name: name of the argument.
-        path: path of the output file.
-        suffixes: allowed suffixes of the file name, in lower case, such as ``(".nc", ".csv")``.
-
-    Raises:
-        InputError: if the suffix is unknown, a folder or device has that name, or the folder
-            cannot be created or written to.
+    The allowed suffixes of its name are in lower case, such as ``(".nc", ".csv")``.
     """
     place = check_path(name, path)
     problem = _suffix_problem(name, place, suffixes) or _place_problem(name, place)
@@ -48,13 +41,7 @@ def check_folder(name: str, path: AnyPath) -> Path:
 
 
 def write_whole(path: AnyPath, parts: Iterable[bytes | memoryview]) -> None:
-    """Write a file from parts, completely or not at all; see `replace_file`.
-
-    Missing folders are created.
-
-    Raises:
-        InputError: if writing fails, for example because the disk is full.
-    """
+    """Write a file from parts, completely or not at all, and create missing folders."""
     try:
         Path(os.path.realpath(path)).parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, parts)

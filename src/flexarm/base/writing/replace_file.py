@@ -44,14 +44,9 @@ def replace_file(
     Libraries that write files do not get the stream, because HDF5 crashes the process if the disk
     is full.
 
-    Args:
-        path: the file to create or replace; its folder must exist.
-        parts: the content; may be computed while it is written.
-        durable: whether the content must be on the disk, not only in the system's buffers, before
-            it replaces the older file. It is not necessary for a file that can be recomputed.
-
-    Raises:
-        OSError: if the disk is full, the folder is missing or read-only, or the name is invalid.
+    The folder must exist; the parts may be computed while they are written. ``durable`` content is
+    on the disk, not only in the system's buffers, before it replaces the older file, which is not
+    necessary for a file that can be recomputed. Failures are those of the system, OSError.
     """
     try:
         target = Path(os.path.realpath(path))
@@ -84,11 +79,9 @@ def _prefix(target: Path) -> str:
 
 
 def _open_beside(target: Path, mode: int | None) -> BinaryIO:
-    """Create and lock a temporary file beside the target.
+    """Create and lock a temporary file beside the target, with the permissions of the older file.
 
-    Args:
-        mode: permissions of the older file, or None. Users who may not read the older file must
-            not be able to open the new one, even while it is still empty.
+    Users who may not read that must not be able to open the new one, even while it is still empty.
     """
 
     def create(path: str, flags: int) -> int:

@@ -89,7 +89,8 @@ def model_functions(model: CasadiModel) -> list[NamedFunction]:
     jacobian = casadi.jacobian(model.tip(q, parameters), q)
     summary = "Derivative of the tip by the coordinates: rows x, y, angle."
     functions.append(named("tip_jacobian", summary, inputs, {"jacobian": jacobian}))
-    inputs = {name: _step_input(model, name) for name in _STEP_INPUTS}
+    sizes = {name: model.forward_dynamics.size1_in(name) for name in _STEP_INPUTS if name != "step"}
+    inputs = {name: casadi.MX.sym(name, sizes.get(name, 1)) for name in _STEP_INPUTS}
     after = runge_kutta(model.forward_dynamics, inputs)
     outputs = dict(zip(("q_next", "qd_next"), after, strict=True))
     summary = "State after a step of the classical Runge-Kutta method, torque and force constant."
@@ -134,11 +135,6 @@ def dynamics_of_columns(model: CasadiModel, names: Sequence[str]) -> Callable[..
         return casadi.horzcat(now, sum(slope @ given[name][:, 1:] for slope, name in moved))
 
     return of_columns
-
-
-def _step_input(model: CasadiModel, name: str) -> Any:
-    size = 1 if name == "step" else model.forward_dynamics.size1_in(name)
-    return casadi.MX.sym(name, size)
 
 
 def runge_kutta(dynamics: Any, inputs: Mapping[str, Any]) -> tuple[Any, Any]:

@@ -267,7 +267,9 @@ class _Writer:
             for place, row, sensor in zip(
                 self.shown.places, motions, self.shown.sensors, strict=True
             ):
-                values[place] = casadi.vertcat(*(plain(one) for one in row[sensor.columns]))
+                values[place.tolist()] = casadi.vertcat(
+                    *(plain(one) for one in row[sensor.columns])
+                )
         slopes = [casadi.densify(casadi.jacobian(values, one)) for one in (x, mass, torque)]
         return casadi.Function("readings", [x, torque, mass], [casadi.densify(values), *slopes])
 

@@ -248,7 +248,13 @@ class TrackForceEnv(_LineEnv):
         place: float = 0.0,
         **others: Any,
     ) -> None:
-        self.force = _checked_force(force)
+        self.force = check_array("force", force, (2,))
+        mean, amplitude = self.force
+        if not (mean > 0.0 and 0.0 <= amplitude <= mean and mean + amplitude <= MOST_FORCE):
+            rule = (
+                f"be (mean, amplitude) with amplitude <= mean and a sum of at most {MOST_FORCE:g}"
+            )
+            raise InputError(Problem("force", rule, shown(force)))
         self.period = _checked_number("period", period, positive=True)
         self.stiffness = _checked_range("stiffness", stiffness, positive=True)
         self.friction = _checked_range("friction", friction)
@@ -381,15 +387,6 @@ class TrackForceEnv(_LineEnv):
         force = self.pressing()
         error = force - float(self.task_values(self._tick)[-2])
         return {"force": force, "force_error": error}
-
-
-def _checked_force(given: ArrayLike) -> FloatArray:
-    """Return mean and amplitude (2,) of a force that is never tensile, N."""
-    force = check_array("force", given, (2,))
-    if not (force[0] > 0.0 and 0.0 <= force[1] <= force[0] and force.sum() <= MOST_FORCE):
-        rule = f"be (mean, amplitude) with amplitude <= mean and a sum of at most {MOST_FORCE:g}"
-        raise InputError(Problem("force", rule, shown(given)))
-    return force
 
 
 def _checked_number(name: str, given: ArrayLike, positive: bool = False) -> float:

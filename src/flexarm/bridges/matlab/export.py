@@ -14,6 +14,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_dataset, check_kind
 from flexarm.base.errors import public_call
+from flexarm.base.late import xr
 from flexarm.base.writing.mat_file import mat_bytes
 from flexarm.base.writing.places import check_place, write_text, write_whole
 from flexarm.bridges.symbolic.models import CasadiModel, exported_model
@@ -22,7 +23,6 @@ from flexarm.linear.models.state_space import state_names
 
 if TYPE_CHECKING:
     import casadi
-    import xarray as xr
 
 
 #: Longest name of a function in MATLAB.

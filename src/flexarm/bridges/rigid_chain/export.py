@@ -26,6 +26,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, public_call, raise_any
+from flexarm.base.late import linalg
 from flexarm.base.writing.places import check_place, write_text
 from flexarm.model import Joint, Link, ModalDamping, SectionTable
 from flexarm.model.arm.spec import serial_only
@@ -117,8 +118,6 @@ def _quadrature(x: FloatArray, rigidity: FloatArray, count: int) -> tuple[FloatA
     """Return nodes and weights of the Gauss quadrature with the weight function 1 / (E I)."""
     # Golub and Welsch: eigenvalues of the matrix of the recurrence of orthogonal polynomials, which
     # is computed with the weight function at many points (Stieltjes).
-    from scipy.linalg import eigh_tridiagonal
-
     points, shares = np.polynomial.legendre.leggauss(_POINTS)
     half = 0.5 * np.diff(x)[:, None]
     at = (x[:-1, None] + half * (1.0 + points)).ravel()
@@ -130,7 +129,7 @@ def _quadrature(x: FloatArray, rigidity: FloatArray, count: int) -> tuple[FloatA
         new = (at - diagonal[k]) * now - (beside[k - 1] * before if k else 0.0)
         beside[k] = np.sqrt(weight @ new**2)
         before, now = now, new / beside[k]
-    places, vectors = eigh_tridiagonal(diagonal, beside[:-1])
+    places, vectors = linalg.eigh_tridiagonal(diagonal, beside[:-1])
     return places, vectors[0] ** 2 * weight.sum()
 
 
@@ -147,15 +146,13 @@ def _damping_factor(link: Link, bars: list[Link], springs: list[Joint]) -> float
 
 def locked(arm: Arm, driven: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """Return frequencies (rad/s) and tip flexibility (3, 3) with locked joints, without gravity."""
-    from scipy.linalg import eigh
-
     still = Arm(arm.spec.replace(gravity=(0.0, 0.0)))
     rest = np.zeros(arm.dof)
     moving = np.setdiff1d(np.arange(arm.dof), driven)
     kept = np.ix_(moving, moving)
     K, M = still.stiffness_matrix(rest)[kept], still.mass_matrix(rest)[kept]
     tip = np.array([still.tip_velocity(rest, unit) for unit in np.eye(arm.dof)[moving]])
-    return np.sqrt(eigh(K, M)[0]), tip.T @ np.linalg.solve(K, tip)
+    return np.sqrt(linalg.eigh(K, M)[0]), tip.T @ np.linalg.solve(K, tip)
 
 
 def coordinates(chain: Arm, driven: Sequence[int]) -> list[int]:

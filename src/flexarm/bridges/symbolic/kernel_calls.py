@@ -77,11 +77,8 @@ class Scalar:
     """Scalar of CasADi or JAX as an entry of an array of objects.
 
     The wrapper is necessary because NumPy treats the libraries' own scalars as arrays. Sums with 0
-    and products with 0 and 1, which are frequent in padded modes, are simplified.
-
-    Args:
-        value: the scalar.
-        library: module with its functions, ``casadi`` or ``jax.numpy``.
+    and products with 0 and 1, which are frequent in padded modes, are simplified. The library is
+    the module with the functions of the scalar, ``casadi`` or ``jax.numpy``.
     """
 
     __slots__ = ("library", "value")

@@ -108,13 +108,10 @@ def _convert(owner: Any, packages: tuple[str, ...], done: dict[int, Any]) -> Non
         return new
 
     vars(owner).update({name: converted(value) for name, value in list(vars(owner).items())})
-    for name, kernel in inspect.getmembers(type(owner), _is_kernel):
-        vars(owner)[name] = symbolic(kernel)
-
-
-def _is_kernel(value: object) -> bool:
-    module = getattr(getattr(value, "py_func", value), "__module__", None) or ""
-    return callable(value) and module.startswith("flexarm.kernels.")
+    for name, kernel in inspect.getmembers(type(owner), callable):
+        module = getattr(getattr(kernel, "py_func", kernel), "__module__", None) or ""
+        if module.startswith("flexarm.kernels."):
+            vars(owner)[name] = symbolic(kernel)
 
 
 def _of_library(name: str) -> Callable[[Any, Any], Any]:

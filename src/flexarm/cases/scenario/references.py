@@ -138,12 +138,7 @@ class Followed:
 
 
 def reference_of(arm: Arm, drive: drives.ControllerDrive, motion: TaskReference | None) -> Followed:
-    """Return the reference that a controller follows along a motion.
-
-    Raises:
-        InputError, SimulationError, InversionError: if a requested reference does not exist for
-            the arm and the motion.
-    """
+    """Return the reference that a controller follows along a motion."""
     if motion is None:
         return Followed(None)
     if isinstance(motion, PressedMotion):

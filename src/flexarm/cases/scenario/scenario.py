@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from inspect import Parameter, signature
 from os import PathLike
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, SimulationError, public_call, raise_any
+from flexarm.base.late import xr
 from flexarm.cases.scenario.file_errors import Where, problems_at, problems_under
 from flexarm.cases.scenario.references import (
     Followed,
@@ -72,9 +73,6 @@ from flexarm.simulation.run.contacts import refuse_deep_start, refuse_pressing_o
 from flexarm.simulation.run.events import event_log, events_of
 from flexarm.simulation.run.integrator_choice import check_integrator
 from flexarm.simulation.run.tolerance import RTOL
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True, eq=False)

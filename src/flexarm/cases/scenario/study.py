@@ -7,11 +7,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_path
 from flexarm.base.errors import InputError, Problem, public_call
+from flexarm.base.late import xr
 from flexarm.base.processes import in_processes
 from flexarm.cases.scenario.file_errors import Where, problems_at
 from flexarm.cases.scenario.references import Followed, TaskReference
@@ -25,9 +26,6 @@ from flexarm.model.scenarios.study import placed, plant_spec
 from flexarm.model.wording import Path, path_of, path_text
 from flexarm.simulation.calls import compare
 from flexarm.simulation.calls.metrics import Goal
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 class PreparedStudy:
@@ -115,9 +113,7 @@ class PreparedStudy:
     ) -> tuple[xr.Dataset, Reference]:
         """Simulate one run; return its result and its motion.
 
-        Args:
-            simulated: arm in place of that of the plant, whose loads and changes act on it.
-            instead: as in `Prepared.run`.
+        ``simulated`` replaces the arm of the plant, whose loads and changes act on it.
         """
         arguments = self._acting(drive, plant, simulated) | instead
         result = self._prepared[drive, motion].run(**arguments, progress=False)

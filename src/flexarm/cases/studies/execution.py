@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property, lru_cache, partial
 from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import library_missing
 from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError, Problem, shown
+from flexarm.base.late import xr
 from flexarm.cases.scenario.file_errors import Where
 from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.cases.studies.samples import Samples, in_study
@@ -31,9 +32,6 @@ from flexarm.simulation.batch.run import simulate_batch
 from flexarm.simulation.calls.compare import Evaluation, evaluated
 from flexarm.simulation.calls.metrics import METRICS
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 #: Dimensions of a run in a study.
 DIMS = ("sample", "controller", "plant", "reference")
 
@@ -46,8 +44,6 @@ def table_of(
     attributes: Mapping[str, Any],
 ) -> xr.Dataset:
     """Return the labelled dataset of outcomes."""
-    import xarray as xr
-
     table = xr.Dataset(attrs=dict(attributes))
     label = {"long_name": "sample, counted from 0"}
     table = table.assign_coords({"sample": ("sample", numbers, label)})
@@ -306,12 +302,7 @@ class _Sample:
 
     @cached_property
     def prepared(self) -> PreparedStudy:
-        """The study, ready to run.
-
-        Raises:
-            FlexarmError: if a drive or a motion does not fit the numbers of the sample, or a
-                reference or an equilibrium for them was not found.
-        """
+        """The study, ready to run; FlexarmError if it does not fit the numbers of the sample."""
         return PreparedStudy(self.study) if self._own else self._study
 
     def simulated(self, plant: str) -> Arm | None:

@@ -11,19 +11,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.base.errors import AccuracyWarning, warn_caller
+from flexarm.base.late import scipy, xr
 from flexarm.cases.studies.execution import DIMS, cluster, execute, executor_of
 from flexarm.integrate.base import FloatArray
 from flexarm.model.scenarios.study import RareFailures
 from flexarm.simulation.run.progress import Meter
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Chosen = tuple[str, str, str]  # drive, plant and motion
 
@@ -41,8 +39,6 @@ def rare_failures(
     progress: bool | None,
 ) -> xr.Dataset:
     """Return the dataset of `Study.rare_failures` for the study with a text."""
-    import xarray as xr
-
     runs = list(product(names["controller"], names["plant"], names["reference"]))
     with ExitStack() as stack:
         client = stack.enter_context(cluster(None, workers)) if workers > 1 else None
@@ -113,14 +109,12 @@ def _of(
     rare: RareFailures,
 ) -> Probability:
     """Return the probability for one drive, plant and motion."""
-    from scipy.special import ndtr
-
     samples, first = executor_of(text).samples, 0
 
     def performance(x: FloatArray) -> FloatArray:
         nonlocal first
         first += len(x)
-        return performances(samples.at(ndtr(x)), first - len(x), chosen)
+        return performances(samples.at(scipy.special.ndtr(x)), first - len(x), chosen)
 
     found = subset_probability(performance, len(samples.paths), rare.samples, rare.seed)
     if np.isnan(found.value):

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.base.errors import InputError, Problem, raise_any, shown, without_warnings
+from flexarm.base.late import scipy
 from flexarm.cases.scenario.file_errors import Where
 from flexarm.integrate.base import FloatArray
 from flexarm.model import StudySpec
@@ -110,8 +111,6 @@ class Samples:
 
     def _points(self, start: int, stop: int) -> FloatArray:
         """Return points (stop - start, paths) of the unit cube."""
-        from scipy.stats import qmc
-
         size, seed = len(self.paths), self._plan.seed
         if not size:
             return np.zeros((stop - start, 0))
@@ -121,7 +120,7 @@ class Samples:
         if self._plan.method == "latin_hypercube":
             return self._hypercube[start:stop]
         resolution = _SOBOL_BITS if self.count <= 2**_SOBOL_BITS else 2 * _SOBOL_BITS
-        sequence = qmc.Sobol(size, seed=seed, bits=resolution)
+        sequence = scipy.stats.qmc.Sobol(size, seed=seed, bits=resolution)
         if start:
             sequence.fast_forward(start)
         with without_warnings(UserWarning):  # of numbers of samples that are no power of two
@@ -130,11 +129,9 @@ class Samples:
 
     @cached_property
     def _hypercube(self) -> FloatArray:
-        from scipy.stats import qmc
-
-        points: FloatArray = qmc.LatinHypercube(len(self.paths), seed=self._plan.seed).random(
-            self.count
-        )
+        points: FloatArray = scipy.stats.qmc.LatinHypercube(
+            len(self.paths), seed=self._plan.seed
+        ).random(self.count)
         return points
 
 
@@ -155,14 +152,12 @@ def _levels(item: Distribution) -> FloatArray:
 
 def _quantile(item: Distribution, fraction: FloatArray) -> FloatArray:
     """Return the values of a distribution below which fractions of its probability lie."""
-    from scipy.special import ndtri
-
     values: FloatArray
     if isinstance(item, ListedValues):
         chosen = np.minimum((fraction * len(item.values)).astype(int), len(item.values) - 1)
         values = np.array(item.values)[chosen]
     elif isinstance(item, NormalDistribution):
-        values = item.mean + item.deviation * ndtri(np.clip(fraction, _LEAST, _MOST))
+        values = item.mean + item.deviation * scipy.special.ndtri(np.clip(fraction, _LEAST, _MOST))
     elif isinstance(item, LogUniformDistribution):
         values = item.low * (item.high / item.low) ** fraction
     else:

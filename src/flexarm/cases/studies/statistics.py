@@ -13,7 +13,7 @@ Safety 93, 2008).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +33,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import scipy, xr
 from flexarm.cases.studies.execution import DIMS
 from flexarm.cases.studies.samples import Germ, Samples, counted_germ
 from flexarm.integrate.base import FloatArray
@@ -40,9 +41,6 @@ from flexarm.model import StudySpec
 from flexarm.model.file_format.files import record_of_bytes
 from flexarm.model.quantities import Count, CountOrZero, Probability
 from flexarm.simulation.calls.metrics import METRICS
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Samples below which indices are not computed: cross-validation would have too few of them.
 _LEAST_SAMPLES = 20
@@ -87,8 +85,6 @@ def study_statistics(
     interval assumes independent samples: it is exact for ``random`` and on the safe side for Latin
     hypercubes and Sobol sequences; a grid has no probability.
     """
-    import xarray as xr
-
     table = _checked(table)
     probabilities = check_array("quantiles", quantiles, (-1,))
     if not probabilities.size or not np.all((probabilities >= 0.0) & (probabilities <= 1.0)):
@@ -126,11 +122,9 @@ def _rates(
     failed: NDArray[np.int64], runs: NDArray[np.int64], confidence: float
 ) -> NDArray[np.float64]:
     """Return rates of failures and the limits of their intervals (..., 3); NaN without runs."""
-    from scipy.stats import binomtest
-
     found = np.full((*runs.shape, 3), np.nan)
     for index in zip(*np.nonzero(runs), strict=True):
-        test = binomtest(int(failed[index]), int(runs[index]))
+        test = scipy.stats.binomtest(int(failed[index]), int(runs[index]))
         found[index] = test.statistic, *test.proportion_ci(confidence)
     return found
 
@@ -171,8 +165,6 @@ def sensitivity_indices(
     and the intervals contain the unexplained part (Sudret, Reliability Engineering and System
     Safety 93, 2008). Noise of instruments, different in each sample, is not explained either.
     """
-    import xarray as xr
-
     table = _checked(table)
     check_choice("metric", metric, [m.name for m in METRICS if m.name in table])
     paths = [

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import scipy, xr
 from flexarm.base.references import package_version
 from flexarm.cases.studies.execution import DIMS, RECORDED, Executor, Outcomes, table_of
 from flexarm.cases.studies.samples import Samples
@@ -41,9 +42,6 @@ from flexarm.integrate.base import FloatArray
 from flexarm.model.file_format.files import record_of_bytes
 from flexarm.model.scenarios.study import SamplePlan
 from flexarm.simulation.calls.result import software_versions
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Samples of the first decision; each other one has twice as many.
 FIRST = 64
@@ -123,11 +121,9 @@ def quantile_interval(
     """Return the interval of a quantile from independent samples, for any distribution."""
     # Its ends are order statistics (David and Nagaraja, Order Statistics, 2003, section 7.1), and
     # infinite if there are too few samples.
-    from scipy.stats import binom
-
     tail = 0.5 * (1.0 - confidence)
-    low = int(binom.ppf(tail, values.size, quantile)) if values.size else 0
-    high = int(binom.ppf(1.0 - tail, values.size, quantile)) + 1 if values.size else 1
+    low = int(scipy.stats.binom.ppf(tail, values.size, quantile)) if values.size else 0
+    high = int(scipy.stats.binom.ppf(1.0 - tail, values.size, quantile)) + 1 if values.size else 1
     ordered: NDArray[np.float64] = np.sort(values)
     return (
         float(ordered[low - 1]) if low >= 1 else -np.inf,

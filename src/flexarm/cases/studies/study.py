@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from functools import partial
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import xr
 from flexarm.base.processes import check_workers
 from flexarm.cases.scenario.file_errors import Where, problems_at
 from flexarm.cases.scenario.study import PreparedStudy
@@ -55,9 +56,6 @@ from flexarm.model.quantities import Count, CountOrZero, Flag, Workers
 from flexarm.model.scenarios.study import RareFailures
 from flexarm.simulation.batch.lanes import arm_fits_lanes
 from flexarm.simulation.run.progress import Meter
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Duration of a task (s), long compared with what a scheduler and a store need for it; number of
 #: tasks for each worker, so that all end at about the same time, unless they get too short.

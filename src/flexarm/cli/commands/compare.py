@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import flexarm as fa
 from flexarm.base.errors import InputError, Problem, without_warnings
+from flexarm.base.late import xr
 from flexarm.cli.commands.sweep import (
     draw_samples,
     limits_of,
@@ -18,9 +19,6 @@ from flexarm.cli.commands.sweep import (
 from flexarm.cli.failures import reported_warnings, warn
 from flexarm.cli.options import Limits, Plot, Workers, argument, check_places, option
 from flexarm.cli.tables import numbers, print_line, save_figure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Columns of the printed table: metric, heading, factor to the displayed unit.
 _FREE = (

@@ -9,6 +9,7 @@ import typer
 
 import flexarm as fa
 from flexarm.base.errors import InputError, without_warnings
+from flexarm.base.late import xr
 from flexarm.cli.failures import report_failures, reported_warnings, warn
 from flexarm.cli.options import (
     Angles,
@@ -24,8 +25,6 @@ from flexarm.cli.options import (
 from flexarm.cli.tables import print_line
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from flexarm.arm.assembly.assemble import FloatArray
     from flexarm.cases.scenario.scenario import Prepared
 

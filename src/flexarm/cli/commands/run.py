@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import flexarm as fa
 from flexarm.base.errors import InputError, SimulationError, without_warnings
+from flexarm.base.late import xr
 from flexarm.cli.failures import collected_warnings, print_error, warn
 from flexarm.cli.options import Plot, Sets, argument, check_places, flag, option
 from flexarm.cli.tables import console, facts, print_line
 
 if TYPE_CHECKING:
-    import xarray as xr
     from numpy.typing import NDArray
 
     from flexarm.cases.scenario.scenario import Prepared

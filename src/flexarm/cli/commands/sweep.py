@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 import flexarm as fa
 from flexarm.base.arguments import check_choice
 from flexarm.base.errors import InputError, Problem, SimulationError, shown
+from flexarm.base.late import xr
 from flexarm.cli.failures import reported_warnings, warn
 from flexarm.cli.options import Limits, Plot, Workers, argument, check_places, flag, option
 from flexarm.cli.tables import console, numbers, print_line, save_figure
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Columns of the printed table: metric, heading, factor to the displayed unit.
 _COLUMNS = (

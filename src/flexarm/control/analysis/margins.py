@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from flexarm.arm.assembly.assemble import IntArray
 from flexarm.arm.bending import one_warning
 from flexarm.base.arguments import as_list, check_each, check_kind, check_list_of, check_numbers
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.base.late import xr
 from flexarm.control.analysis.linear_controller import FrozenReference
 from flexarm.control.analysis.sampled_loop import (
     ComplexArray,
@@ -36,10 +37,6 @@ from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear import modes
 from flexarm.linear.models.state_space import CHANNEL_OUTPUTS
 from flexarm.model import Contact, Hardware, Instrument
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 #: Number of frequencies up to the Nyquist frequency, and number around each pole.
 _FREQUENCIES, _AROUND = 300, 15
@@ -148,19 +145,12 @@ def loop_margins(
 
     Seiler, Packard and Gahinet 2020 for the disk margin.
     """
-    import xarray as xr
-
-    if hardware is not None:
-        check_kind("hardware", hardware, Hardware)
-    contacts = check_list_of("contacts", contacts, Contact)
-    if reference is not None:
-        check_reference(reference)
+    bare = checked_surroundings(hardware, contacts, reference)
     arms = plants_of(controller, plants)
     places = places_of(controller, next(iter(arms.values())), postures, reference)
     names, shape = list(arms), (len(arms), len(places), next(iter(arms.values())).n_joints)
     found = {name: np.zeros(shape) for name, *_ in _MARGINS}
     growth, damping = np.zeros(shape[:2]), np.full((2, *shape[:2], _POLES), np.nan)
-    bare = without_friction(contacts)
     with one_warning():
         loops = [
             [loop_at(controller, arm, at, hardware, bare, reference, t) for t, at in places]
@@ -218,6 +208,18 @@ def check_single_rate(loop: SampledLoop) -> None:
     if len(loop.plant.A) > 1:
         rule = "has instruments with their own sample_time, which is not supported"
         raise InputError(Problem("hardware", rule))
+
+
+def checked_surroundings(
+    hardware: Hardware | None, contacts: Sequence[Contact], reference: Reference | None
+) -> Sequence[Contact]:
+    """Validate arguments of a linearised loop, and return its contacts, without friction."""
+    if hardware is not None:
+        check_kind("hardware", hardware, Hardware)
+    contacts = check_list_of("contacts", contacts, Contact)
+    if reference is not None:
+        check_reference(reference)
+    return without_friction(contacts)
 
 
 def plants_of(
@@ -291,6 +293,20 @@ def places_of(
     return [(0.0, posture) for posture in checked]
 
 
+def place_of(
+    controller: Controller,
+    arm: Arm,
+    posture: ArrayLike | None,
+    reference: Reference | None = None,
+    rule: str = "be one posture",
+) -> tuple[float, FloatArray]:
+    """Return the time and the posture of one linearisation, by default the first of the design."""
+    places = places_of(controller, arm, posture, reference, "posture")
+    if posture is not None and len(places) > 1:
+        raise InputError(Problem("posture", rule, f"{len(places)} of them"))
+    return places[0]
+
+
 def margins_at(loop: SampledLoop, stable: bool = True) -> list[FloatArray]:
     """Return the margins, (joints,) each, in the order of ``_MARGINS``."""
     joints = loop.plant.B.shape[1]
@@ -328,11 +344,8 @@ def _of_joint(
 ) -> tuple[float, float, float, float]:
     """Return the margins of the loop opened at one joint, without the disk margin.
 
-    Args:
-        L: its return ratio at all frequencies.
-        real: the same where it is real.
-        at, values: frequencies (rad per sample) where its size is one, and the ratio there.
-        sample_time: s.
+    ``L`` is its return ratio at all frequencies, and ``real`` the same where it is real; ``at`` are
+    the frequencies (rad per sample) where its size is one, with the ratio there in ``values``.
     """
     real = np.append(real, L[[0, -1]].real)
     real[-2] = real[-2] if abs(L[0].imag) < 1e-3 * abs(L[0].real) else 0.0

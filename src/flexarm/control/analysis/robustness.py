@@ -11,28 +11,28 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
-from flexarm.base.arguments import check_kind, check_list_of, check_number
+from flexarm.base.arguments import check_kind, check_number
 from flexarm.base.errors import InputError, Problem, public_call
+from flexarm.base.late import optimize, xr
 from flexarm.control.analysis.margins import (
     ROUNDED_GROWTH,
     check_single_rate,
+    checked_surroundings,
     frequency_grid,
     loop_at,
-    places_of,
+    place_of,
     plants_of,
     stability_of,
-    without_friction,
 )
 from flexarm.control.analysis.sampled_loop import ComplexArray, Response, SampledLoop
 from flexarm.control.analysis.structured import structured_bound
-from flexarm.control.contract.base import Controller, Reference, check_reference
+from flexarm.control.contract.base import Controller, Reference
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.state_space import StateSpaceModel, control_system
 from flexarm.model import Contact, Hardware
 
 if TYPE_CHECKING:
     import control
-    import xarray as xr
 
 
 #: Smallest mean square of the change in a direction, relative to that in the largest one.
@@ -84,8 +84,6 @@ def robustness(
 
     Skogestad and Postlethwaite 2005, chapter 8, for the tests; (C.146) to (C.149).
     """
-    import xarray as xr
-
     rule = "be greater than 1"
     accepted = check_number("sensitivity", sensitivity, lambda value: value > 1.0, rule)
     if hardware is not None:
@@ -93,10 +91,7 @@ def robustness(
     named = plants_of(controller, plants)
     own = getattr(controller, "arm", None)
     arms = [*([own] if isinstance(own, Arm) else []), *named.values()]
-    places = places_of(controller, arms[0], posture, None, "posture")
-    if posture is not None and len(places) > 1:
-        raise InputError(Problem("posture", "be one posture", f"{len(places)} of them"))
-    at = places[0][1]
+    _, at = place_of(controller, arms[0], posture)
     with one_warning():
         loops = [loop_at(controller, arm, at, hardware) for arm in arms]
     for loop in loops:
@@ -197,8 +192,6 @@ def fitted_weight(omega: FloatArray, size: FloatArray) -> tuple[dict[str, float]
     It covers ``size`` (f,) at all frequencies ``omega`` (f,) rad/s, and its mean logarithm over the
     logarithm of frequency is the least.
     """
-    from scipy.optimize import minimize
-
     wanted = np.log(np.maximum(size, 1e-9))
     share = np.gradient(np.log(omega))
     share /= share.sum()
@@ -211,7 +204,9 @@ def fitted_weight(omega: FloatArray, size: FloatArray) -> tuple[dict[str, float]
     middle = np.log(omega[int(np.argmax(wanted))])
     start = np.array([wanted[0], wanted.max(), -middle])
     covers = {"type": "ineq", "fun": lambda numbers: magnitude(numbers) - wanted}
-    done = minimize(lambda n: share @ magnitude(n), start, method="SLSQP", constraints=[covers])
+    done = optimize.minimize(
+        lambda n: share @ magnitude(n), start, method="SLSQP", constraints=[covers]
+    )
     # The optimiser may violate a constraint slightly: raise the weight to cover all of them.
     short = float((wanted - magnitude(done.x)).max())
     raised = done.x + max(short, 0.0)
@@ -293,18 +288,10 @@ def loop_models(
     """
     if plant is not None:
         check_kind("plant", plant, Arm)
-    if hardware is not None:
-        check_kind("hardware", hardware, Hardware)
-    contacts = check_list_of("contacts", contacts, Contact)
-    if reference is not None:
-        check_reference(reference)
+    bare = checked_surroundings(hardware, contacts, reference)
     (arm,) = plants_of(controller, plant, "plant").values()
-    places = places_of(controller, arm, posture, reference, "posture")
-    if posture is not None and len(places) > 1:
-        rule = "be one posture, or one time of the reference"
-        raise InputError(Problem("posture", rule, f"{len(places)} of them"))
-    t, angles = places[0]
-    bare = without_friction(contacts)
+    rule = "be one posture, or one time of the reference"
+    t, angles = place_of(controller, arm, posture, reference, rule)
     with one_warning():
         loop = loop_at(controller, arm, angles, hardware, bare, reference, t)
     check_single_rate(loop)

@@ -14,6 +14,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import once_per_arm, turning_joints
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import kept_warnings, warn_caller
+from flexarm.base.late import linalg
 from flexarm.control.analysis.linear_controller import (
     FrozenReference,
     LinearController,
@@ -110,14 +111,12 @@ class Response:
     """
 
     def __init__(self, A: FloatArray, B: FloatArray, C: FloatArray) -> None:
-        from scipy.linalg import matrix_balance, schur
-
         self._shape = len(C), B.shape[1]
         if not len(A):
             self._T = self._B = self._C = np.zeros((0, 0), dtype=complex)
             return
-        A, (scale, _) = matrix_balance(A, permute=False, separate=True)
-        self._T, Z = schur(A, output="complex")
+        A, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
+        self._T, Z = linalg.schur(A, output="complex")
         self._B, self._C = Z.conj().T @ (B / scale[:, None]), (C * scale) @ Z
 
     def __call__(self, z: ComplexArray) -> ComplexArray:

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexarm.base.arguments import library_missing
 from flexarm.base.errors import InputError, Problem
+from flexarm.base.late import linalg, optimize
 from flexarm.control.analysis.sampled_loop import ComplexArray, Response
 from flexarm.control.design.loop_shaping import Matrices, in_series
 from flexarm.control.hardware.measurement import FloatArray
@@ -78,8 +79,6 @@ def _balanced(matrices: ComplexArray, blocks: Sequence[int]) -> FloatArray:
 
 def _refined(matrix: ComplexArray, blocks: Sequence[int], start: FloatArray) -> float:
     """Return the smallest norm over scalings, which is convex in their logarithms."""
-    from scipy.optimize import minimize
-
     if len(blocks) == 1:
         return float(scaled_norms(matrix[None], blocks, np.zeros((1, 1)))[0])
 
@@ -89,7 +88,7 @@ def _refined(matrix: ComplexArray, blocks: Sequence[int], start: FloatArray) -> 
     # The norm is not differentiable where singular values are equal, as they often are at the
     # minimum: use a method without derivatives.
     options = {"xatol": 1e-5, "fatol": 1e-9, "maxiter": 400 * len(blocks)}
-    found = minimize(norm, start[1:] - start[0], method="Nelder-Mead", options=options)
+    found = optimize.minimize(norm, start[1:] - start[0], method="Nelder-Mead", options=options)
     return float(found.fun)
 
 
@@ -238,8 +237,6 @@ def _fitted(
 
     Scalings of a higher order replace those of a lower order if they reduce the mean by 0.2 %.
     """
-    from scipy.optimize import least_squares, minimize
-
     count = len(blocks) - 1
     bounds, logs = structured_scales(loop, blocks)
     wanted = logs[:, :-1] - logs[:, -1:]
@@ -267,11 +264,13 @@ def _fitted(
             first = [np.average(wanted[:, k], weights=share)]
             corners = middle + np.linspace(-1.0, 1.0, 2 * each)
             box: Any = tuple(zip(*limits, strict=True))
-            fits.append(least_squares(missed, [*first, *corners], bounds=box).x)
+            fits.append(optimize.least_squares(missed, [*first, *corners], bounds=box).x)
         starts.append(np.concatenate(fits))
         options = {"maxfev": _EVALUATIONS * starts[0].size, "xatol": 1e-3, "fatol": 1e-4}
         begin = min(starts, key=peak)
-        done = minimize(peak, begin, method="Nelder-Mead", bounds=limits * count, options=options)
+        done = optimize.minimize(
+            peak, begin, method="Nelder-Mead", bounds=limits * count, options=options
+        )
         if done.fun < 0.998 * least:
             best, least = done.x.reshape(count, -1), float(done.fun)
     return list(best)
@@ -298,15 +297,13 @@ def _diagonal(
     scalings: Sequence[FloatArray], blocks: Sequence[int], width: int, *, inverted: bool
 ) -> Matrices:
     """Return the scalings as a model with ``width`` inputs; those after the blocks are one."""
-    from scipy.linalg import block_diag
-
     parts = []
     for numbers, size in zip(scalings, blocks, strict=False):
         one = _realised(-numbers[0] if inverted else numbers[0], numbers[1:], inverted)
         parts.append([np.kron(np.eye(size), part) for part in one])
     rest = width - sum(part[3].shape[1] for part in parts)
     parts.append([np.zeros((0, 0)), np.zeros((0, rest)), np.zeros((rest, 0)), np.eye(rest)])
-    A, B, C, D = (block_diag(*place) for place in zip(*parts, strict=True))
+    A, B, C, D = (linalg.block_diag(*place) for place in zip(*parts, strict=True))
     return A, B, C, D
 
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.late import linalg
 from flexarm.control.design.linear_design import (
     CHORD,
     DISTURBANCES,
@@ -206,12 +207,10 @@ def near_inertias(arm: Arm, postures: FloatArray, time: float) -> FloatArray:
     Of postures (k, joints) rad, by the modes with at most two periods in this time. All modes would
     turn less, the more elements there are.
     """
-    from scipy.linalg import eigh
-
     moved = []
     for angles in postures:
         q = arm.rest(angles)
-        squares, shapes = eigh(arm.stiffness_matrix(q), arm.mass_matrix(q))
+        squares, shapes = linalg.eigh(arm.stiffness_matrix(q), arm.mass_matrix(q))
         slow = squares <= (4.0 * np.pi / time) ** 2
         moved.append(np.sum(shapes[arm.joint_index][:, slow] ** 2, axis=1))
     return np.asarray(1.0 / np.max(moved, axis=0))

@@ -12,6 +12,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.arguments import check_each
 from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.late import linalg
 from flexarm.control.design.loop_hardware import LoopHardware, state_sizes
 from flexarm.control.design.minimal import MinimalCoordinates
 from flexarm.control.hardware.measurement import FloatArray
@@ -120,8 +121,6 @@ def design(
         InputError: if a name is unknown, a number is not positive, or no gains are stabilising.
         EquilibriumError: if the arm has no equilibrium at the posture.
     """
-    from scipy.linalg import block_diag
-
     integrated = dict(requirements.integrated)
     if CHORD in integrated:  # of the same components as the joint angles
         integrated["joint_angle"] = integrated.pop(CHORD)
@@ -155,7 +154,7 @@ def design(
     scale = sizes_of("acceptable", model, requirements.acceptable)
     outputs = rows_of(model, tuple(requirements.acceptable)) / scale[:, None]
     windup = sizes_of("integral", model, integrated)
-    weight = block_diag(outputs.T @ outputs, np.zeros((more, more)), np.diag(windup**-2.0))
+    weight = linalg.block_diag(outputs.T @ outputs, np.zeros((more, more)), np.diag(windup**-2.0))
     unsure = requirements.rigidity_uncertainty
     stiffness, bend_energy = bending(coordinates, model, requirements.acceptable_torque)
     weight[np.ix_(elastic, elastic)] += bend_weight(unsure, stiffness, bend_energy)
@@ -251,13 +250,11 @@ def regulator(
     The equation is solved for states in the ratio of their ``sizes`` (n,) and for torques relative
     to their weights, so that all weights are about one. Otherwise rounding depends on the units.
     """
-    from scipy.linalg import solve
-
     sizes = sizes / np.max(np.diag(weight) * sizes**2) ** 0.5
     torque, square = np.diag(torque_weight) ** -0.5, np.outer(sizes, sizes)
     A, B = A * sizes / sizes[:, None], B * torque / sizes[:, None]
     P = _riccati("acceptable", A, B, weight * square, np.eye(torque.size))
-    gain = solve(np.eye(torque.size) + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
+    gain = linalg.solve(np.eye(torque.size) + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
     _check_stable("acceptable", A - B @ gain)
     return gain * torque[:, None] / sizes, P / square
 
@@ -267,11 +264,9 @@ def preview_gain(item: Design, steps: int, stride: int) -> FloatArray:
 
     Forces are evaluated at every ``stride``-th sample and interpolated linearly between them.
     """
-    from scipy.linalg import solve
-
     push, _ = regulated(item)
     inner = item.torque_weight + push.T @ item.cost @ push
-    return previewed(item, solve(inner, push.T, assume_a="pos"), steps, stride)
+    return previewed(item, linalg.solve(inner, push.T, assume_a="pos"), steps, stride)
 
 
 def regulated(item: Design) -> tuple[FloatArray, FloatArray]:
@@ -300,15 +295,13 @@ def kalman(
     A: FloatArray, C: FloatArray, disturbance: FloatArray, noise: FloatArray, sizes: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the Kalman gain and the covariances of prediction error and innovation; (C.25)."""
-    from scipy.linalg import solve
-
     reading = np.diag(noise) ** 0.5
     sizes = sizes / np.max(np.abs(C) * sizes / reading[:, None])
     square = np.outer(sizes, sizes)
     A, C = A * sizes / sizes[:, None], C * sizes / reading[:, None]
     P = _riccati("measured", A.T, C.T, disturbance / square, np.eye(reading.size))
     seen = C @ P @ C.T + np.eye(reading.size)
-    gain: FloatArray = solve(seen, C @ P, assume_a="pos").T
+    gain: FloatArray = linalg.solve(seen, C @ P, assume_a="pos").T
     _check_stable("measured", A @ (np.eye(len(A)) - gain @ C))
     return gain * sizes[:, None] / reading, P * square, seen * np.outer(reading, reading)
 
@@ -316,8 +309,6 @@ def kalman(
 def _riccati(
     argument: str, A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray
 ) -> FloatArray:
-    from scipy.linalg import solve_discrete_are
-
     # Doubling first: SciPy orders eigenvalues, which fails for some equations by rounding and loses
     # digits of others.
     doubled = _doubled(A, B @ np.linalg.solve(R, B.T), Q)
@@ -325,7 +316,7 @@ def _riccati(
         return doubled
     for balanced in (True, False):
         try:
-            P: FloatArray = solve_discrete_are(A, B, Q, R, balanced=balanced)
+            P: FloatArray = linalg.solve_discrete_are(A, B, Q, R, balanced=balanced)
         except (np.linalg.LinAlgError, ValueError):
             continue
         if _stabilises(P, A, B, R):
@@ -335,10 +326,8 @@ def _riccati(
 
 def _stabilises(P: FloatArray, A: FloatArray, B: FloatArray, R: FloatArray) -> bool:
     """Return whether the gain of a solution exists and makes the loop stable."""
-    from scipy.linalg import solve
-
     try:
-        gain = solve(R + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
+        gain = linalg.solve(R + B.T @ P @ B, B.T @ P @ A, assume_a="pos")
     except (np.linalg.LinAlgError, ValueError):
         return False
     return bool(np.max(np.abs(np.linalg.eigvals(A - B @ gain))) < 1.0)

@@ -8,6 +8,7 @@ import numpy as np
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
+from flexarm.base.late import linalg, scipy
 from flexarm.control.contract.base import JOINTS
 from flexarm.control.design.linear_design import rows_of
 from flexarm.control.design.loop_hardware import LoopHardware
@@ -64,8 +65,6 @@ def shaped_design(
     The design is continuous in the bilinear variable w of (C.140), which preserves stability and
     H-infinity norms, so that the margin is that of the sampled loop.
     """
-    from scipy.signal import cont2discrete
-
     arm = without_dry_friction(arm)
     model = linearize(arm, equilibrium(arm, posture), outputs=("joint_angle", "joint_rate"))
     slope: FloatArray = model.A.copy()
@@ -79,7 +78,7 @@ def shaped_design(
     A, B, C, D, margin, best = coprime_controller(*in_series(plant, weight), given.suboptimality)
     A, B, C, D = in_series(weight, (A, B, C, D))
     whole = A, B @ shown, C, D @ shown
-    A, B, C, D, _ = cont2discrete(whole, sample_time, method="bilinear")
+    A, B, C, D, _ = scipy.signal.cont2discrete(whole, sample_time, method="bilinear")
     growth = sampled_growth(model, (A, B, C, D), hardware)
     return ShapedDesign(posture, A, B, C, D, margin, best, growth)
 
@@ -117,14 +116,12 @@ def sampled_growth(model: LinearModel, controller: Matrices, hardware: LoopHardw
 
 def added_damping(arm: Arm, model: LinearModel, ratio: float) -> FloatArray:
     """Return the rates of change of qd by qd of damping (dof, dof) of the links, 1/s; (C.145)."""
-    from scipy.linalg import eigh
-
     elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
     damping: FloatArray = np.zeros((arm.dof, arm.dof))
     if elastic.size and ratio:
         block = np.ix_(elastic, elastic)
         mass, stiffness = model.mass[block], model.stiffness[block]
-        square, shapes = eigh(0.5 * (stiffness + stiffness.T), mass)
+        square, shapes = linalg.eigh(0.5 * (stiffness + stiffness.T), mass)
         moved = mass @ shapes
         damping[block] = (moved * 2.0 * ratio * np.sqrt(np.maximum(square, 0.0))) @ moved.T
     return np.asarray(np.linalg.solve(model.mass, damping))
@@ -141,13 +138,11 @@ def coprime_controller(
 
     McFarlane and Glover 1992.
     """
-    from scipy.linalg import matrix_balance
-
     # The Riccati equations need states of similar size, whatever the units are.
     n, more = len(A), max(D.shape)
     whole = np.zeros((n + more, n + more))
     whole[:n, :n], whole[:n, n : n + B.shape[1]], whole[n : n + len(C), :n] = A, B, C
-    scale = matrix_balance(whole, permute=False, separate=True)[1][0]
+    scale = linalg.matrix_balance(whole, permute=False, separate=True)[1][0]
     sizes = scale[:n] / scale[n]
     A, B, C = A * sizes / sizes[:, None], B / sizes[:, None], C * sizes
     S = np.eye(B.shape[1]) + D.T @ D
@@ -166,13 +161,11 @@ def coprime_controller(
 
 
 def _riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> FloatArray:
-    from scipy.linalg import solve_continuous_are
-
     # SciPy's ordering of eigenvalues fails, by rounding, for some equations that are well posed; a
     # multiple of the equation has the multiple as its solution.
     for multiple in (1.0, 1e-2, 1e2):
         try:
-            X = solve_continuous_are(A, B * multiple**-0.5, Q * multiple, R)
+            X = linalg.solve_continuous_are(A, B * multiple**-0.5, Q * multiple, R)
         except (np.linalg.LinAlgError, ValueError):
             continue
         symmetric: FloatArray = (X + X.T) / (2.0 * multiple)

@@ -182,11 +182,8 @@ class MinimalCoordinates:
     def shared(self, force: FloatArray, Z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the torques (joints,) of a motion and the forces that no motor applies.
 
-        Args:
-            force: (dof,) generalised forces of the motion without closures.
-            Z: (dof, k) of ``basis``.
-
-        The second are those on the coordinates ``unbalanced``. If there are more motors than
+        ``force`` (dof,) are those of the motion without closures, ``Z`` is the ``basis``. Forces
+        that no motor applies are on the coordinates ``unbalanced``. If there are more motors than
         coordinates, the torques have the least norm.
         """
         on = Z.T @ force

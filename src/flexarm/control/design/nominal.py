@@ -16,6 +16,7 @@ from flexarm.arm.assembly.coordinates import modal_size
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.arguments import as_list
 from flexarm.base.errors import InputError, Problem, check_array, shown
+from flexarm.base.late import interpolate
 from flexarm.control.contract.base import Reference
 from flexarm.control.design.minimal import MinimalCoordinates
 from flexarm.control.design.rigid_model import values_of
@@ -405,8 +406,6 @@ class RecordedRun:
     def __init__(
         self, model: FlexibleModel, run: Any, sample_time: float, steps: int, show: Shown
     ) -> None:
-        from scipy.interpolate import CubicHermiteSpline, make_interp_spline
-
         self._sample_time, self._show = sample_time, show
         arm = model.arm
         self._joints = arm.joint_index
@@ -422,8 +421,10 @@ class RecordedRun:
         if time.size < 2 or not whole or np.any(np.diff(time) <= 0.0):
             rule = "have at least two samples, all finite, in order of time"
             raise InputError(Problem("nominal", rule, f"times {shown(time)}" if whole else "NaN"))
-        self._ends, self._q = time[[0, -1]], CubicHermiteSpline(time, q, qd)
-        self._qd, self._torque = (make_interp_spline(time, rows, k=1) for rows in (qd, torque))
+        self._ends, self._q = time[[0, -1]], interpolate.CubicHermiteSpline(time, q, qd)
+        self._qd, self._torque = (
+            interpolate.make_interp_spline(time, rows, k=1) for rows in (qd, torque)
+        )
 
     def reset(self) -> None:
         """Return to the start of the run."""

@@ -154,9 +154,6 @@ class SaggingArm:
 
     Each call corrects the sag of the previous call once. This is sufficient, because the sag
     changes little between two sample times, and a correction leaves a small fraction of the error.
-
-    Attributes:
-        arm: the flexible arm.
     """
 
     def __init__(self, arm: Arm) -> None:

@@ -19,6 +19,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import scipy
 from flexarm.control.hardware.measurement import FloatArray
 
 #: Matrix of NumPy or CasADi.
@@ -32,17 +33,13 @@ _FALSE_ALARM = 1e-9
 @cache
 def largest_ratio(size: int) -> float:
     """Return the limit of the mean normalised innovation squared of ``size`` readings."""
-    from scipy.special import chdtri
-
-    return float(chdtri(size, _FALSE_ALARM)) / size
+    return float(scipy.special.chdtri(size, _FALSE_ALARM)) / size
 
 
 def band(size: int, probability: float) -> tuple[float, float]:
     """Return the central interval of a chi-squared variable of ``size``, divided by its mean."""
-    from scipy.special import chdtri
-
     inside = check_number("probability", probability, lambda p: 0.0 < p < 1.0, "be within 0 and 1")
-    low, high = chdtri(size, [0.5 + 0.5 * inside, 0.5 - 0.5 * inside]) / size
+    low, high = scipy.special.chdtri(size, [0.5 + 0.5 * inside, 0.5 - 0.5 * inside]) / size
     return float(low), float(high)
 
 

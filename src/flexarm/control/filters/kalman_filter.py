@@ -19,6 +19,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from flexarm.base.late import linalg
 from flexarm.control.filters.estimates import Matrix, innovation_covariance, squared_innovation
 from flexarm.control.filters.estimator import StateEstimator, tip_mass
 from flexarm.control.filters.predicted_readings import ArmModel, Link, PredictedReadings, Readings
@@ -163,8 +164,6 @@ class KalmanFilter(StateEstimator):
             part.moved = np.zeros((part.x.size, self.arm.n_joints))
 
     def _correct(self, seen: PredictedReadings, readings: FloatArray) -> float:
-        from scipy.linalg import cho_factor, cho_solve
-
         # The innovation test needs the weights of the hypotheses before the update changes them.
         before = [replace(part) for part in self._parts]
         predicted, expected = [], []
@@ -172,9 +171,9 @@ class KalmanFilter(StateEstimator):
             values, S = self._update(part, seen, readings)
             predicted.append(values)
             expected.append(S)
-            factor = cho_factor(S)
+            factor = linalg.cho_factor(S)
             missed = readings - values
-            part.log_weight -= 0.5 * float(missed @ cho_solve(factor, missed))
+            part.log_weight -= 0.5 * float(missed @ linalg.cho_solve(factor, missed))
             part.log_weight -= float(np.sum(np.log(np.diag(factor[0]))))
         mean, covariance = combined(before, predicted, expected)
         self._parts = reduced(self._parts)
@@ -257,9 +256,7 @@ def propagated(P: Matrix, link: Link) -> Matrix:
 
 
 def _solved(A: Matrix, B: Matrix) -> Matrix:
-    from scipy.linalg import cho_factor, cho_solve
-
-    return cho_solve(cho_factor(A), B)
+    return linalg.cho_solve(linalg.cho_factor(A), B)
 
 
 def linearisations(seen: PredictedReadings) -> int:

@@ -15,6 +15,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from flexarm.base.errors import AccuracyWarning, Problem, raise_any, shown, warn_caller
+from flexarm.base.late import optimize
 from flexarm.control.filters.estimates import innovation_covariance, squared_innovation
 from flexarm.control.filters.estimator import MASS, StateEstimator
 from flexarm.control.filters.kalman_filter import square_root
@@ -165,13 +166,13 @@ class HorizonProblem:
 
     def solve(self) -> tuple[Evaluated, bool]:
         """Return the least squares within the bounds, and whether the search converged."""
-        from scipy.optimize import lsq_linear
-
         v = self.start()
         best = self.evaluate(v)
         for _ in range(_MOST):
             bounds = np.minimum(self.lower - v, 0.0), np.maximum(self.upper - v, 0.0)
-            found = lsq_linear(best.slopes, -best.residuals, bounds, method="bvls", tol=1e-14)
+            found = optimize.lsq_linear(
+                best.slopes, -best.residuals, bounds, method="bvls", tol=1e-14
+            )
             change, largest = found.x, float(np.max(np.abs(found.x)))
             if largest < _SMALL:
                 break

@@ -50,7 +50,7 @@ class PredictedReadings:
         variance: (size,), of their errors, rounding included.
         linear: whether all readings are linear in the state.
         linear_rows: (size, 2 dof), derivative of the linear readings by the state.
-        sensors: the `Sensor` objects. places: of their readings. stations: on the arm.
+        sensors: the `Sensor` objects. places: (k, 2) of their readings. stations: on the arm.
     """
 
     def __init__(
@@ -63,10 +63,8 @@ class PredictedReadings:
         rows = [reading_rows(arm, item) for item in instruments]
         self.size = sum(len(row) for row in rows)
         self.linear_rows = np.concatenate(rows)
-        variances = [
-            np.full(len(row), item.noise**2 + item.resolution**2 / 12.0)
-            for row, item in zip(rows, instruments, strict=True)
-        ]
+        pairs = zip(rows, instruments, strict=True)
+        variances = [np.full(len(row), i.noise**2 + i.resolution**2 / 12.0) for row, i in pairs]
         self.variance = np.concatenate(variances)
         self.counts = [len(row) for row in rows]
         blocks = [
@@ -75,11 +73,10 @@ class PredictedReadings:
         ]
         self.bias = np.block(blocks) if self.biased else np.zeros((self.size, 0))
         starts = np.cumsum([0, *self.counts])
-        self.places = [
-            slice(starts[k], starts[k + 1])
-            for k, item in enumerate(instruments)
-            if isinstance(item.output, Sensor)
-        ]
+        places = [starts[k] for k, i in enumerate(instruments) if isinstance(i.output, Sensor)]
+        self.places = np.array(places, dtype=int)[:, None] + np.arange(2)
+        columns = [np.arange(MOTION_COLUMNS)[sensor.columns] for sensor in self.sensors]
+        self._columns = np.arange(len(columns))[:, None], np.array(columns, int).reshape(-1, 2)
         points = [marker(sensor.link, sensor.station) for sensor in self.sensors]
         self.stations = place_loads(arm, points, what="Sensor")
         self._kernels = kernels = KernelView(arm.assembly.constants, complex)
@@ -120,24 +117,21 @@ class PredictedReadings:
         if not self.sensors:
             return found
         self._points(x, torque, (plain, moved[0]), self._state_places, self._found)
-        for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
-            by = self._found[:, k, sensor.columns]
-            found.state[place], found.parameters[place, 0] = by[:-2].T, by[-2]
-            found.values[place] = by[-1]
+        places, columns = self.places, (slice(None), *self._columns)
+        by = self._found[columns]
+        found.state[places], found.parameters[places, 0] = np.moveaxis(by[:-2], 0, -1), by[-2]
+        found.values[places] = by[-1]
         none = self._state_places[:0]
         for column, one in enumerate(moved[1:], 1):
             self._points(x, torque, (plain, one), none, self._pushed)
-            for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
-                found.parameters[place, column] = self._pushed[-2, k, sensor.columns]
+            found.parameters[places, column] = self._pushed[columns][-2]
         # Accelerations are linear in the torque, so the difference is exact except for rounding.
         step = float(np.abs(torque).max()) or 1.0
         for joint in range(joints):
             more = torque.copy()
             more[joint] += step
             self._points(x, more, (plain, plain), none, self._pushed)
-            for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
-                change = self._pushed[-1, k, sensor.columns] - found.values[place]
-                found.torque[place, joint] = change / step
+            found.torque[places, joint] = (self._pushed[columns][-1] - by[-1]) / step
         return found
 
     def values(self, x: FloatArray, torque: FloatArray, constants: Constants) -> FloatArray:
@@ -146,8 +140,7 @@ class PredictedReadings:
         if self.sensors:
             plain = constants[0]
             self._points(x, torque, (plain, plain), self._state_places[:0], self._pushed)
-            for k, (place, sensor) in enumerate(zip(self.places, self.sensors, strict=True)):
-                found[place] = self._pushed[-1, k, sensor.columns]
+            found[self.places] = self._pushed[-1, *self._columns]
         return found
 
     def _points(

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexarm.base.errors import InputError, Problem
+from flexarm.base.late import linalg
 from flexarm.control.hardware.measurement import FloatArray, filter_of, stride_and_delay
 from flexarm.model import Instrument, Motors
 
@@ -54,19 +55,17 @@ class SampledPlant(NamedTuple):
 
 def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, FloatArray]:
     """Return A and B over a sample time (s), with zero-order-hold inputs; (C.22)."""
-    from scipy.linalg import expm, matrix_balance
-
     n, m = B.shape
     if sample_time == 0.0:  # a delay of whole samples leaves nothing of a sample
         return np.eye(n), np.zeros((n, m))
     # The exponential is accurate relative to its norm, so that no unit may dominate it.
-    scale = matrix_balance(A, permute=False, separate=True)[1][0][:, None]
+    scale = linalg.matrix_balance(A, permute=False, separate=True)[1][0][:, None]
     pushed = B * sample_time / scale
     size = np.abs(pushed).max(axis=0)
     size = np.where(size > 0.0, size, 1.0)
     whole = np.zeros((n + m, n + m))
     whole[:n, :n], whole[:n, n:] = A * sample_time / scale * scale.T, pushed / size
-    moved = expm(whole)
+    moved = linalg.expm(whole)
     return moved[:n, :n] * scale / scale.T, moved[:n, n:] * scale * size
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.errors import InputError, Problem
+from flexarm.base.late import linalg
 from flexarm.control.contract.base import FloatArray
 from flexarm.control.design.arm_scales import TIP
 from flexarm.control.design.linear_design import (
@@ -39,11 +40,6 @@ _ROUNDING = 1e-6
 #: Outputs that the fast part may weight: those that depend on the bending of the links only.
 _TIPS = "link_tip_deflection", "link_tip_slope"
 BENDING = ("strain", *_TIPS, *(f"{name}_rate" for name in _TIPS))
-
-
-def _grows(item: Design) -> bool:
-    """Return whether the loop of a design with its model is unstable."""
-    return bool(np.abs(np.linalg.eigvals(regulated(item)[1])).max() > 1.0 + _ROUNDING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +110,8 @@ class Composite(CompositeParameters, LQG):
         designs, usual = super()._design_all(), self._usual_bandwidth
         while True:
             pairs = [self._both(item) for item in designs]
-            unstable = [item.posture for _, item in pairs if _grows(item)]
+            poles = [(item, np.linalg.eigvals(regulated(item)[1])) for _, item in pairs]
+            unstable = [item.posture for item, z in poles if np.abs(z).max() > 1.0 + _ROUNDING]
             if not unstable:
                 break
             bandwidth = np.asarray(self.bandwidth, dtype=np.float64)
@@ -129,8 +126,6 @@ class Composite(CompositeParameters, LQG):
 
     def _both(self, item: Design) -> tuple[FastDesign, Design]:
         """Design both parts at a posture, and combine them into one gain; (C.34) to (C.37)."""
-        from scipy.linalg import eigvals
-
         weighted = self.acceptable or {}
         arm, joints, elastic = self.arm, self.arm.joint_index, self._model.elastic
         rest = equilibrium(arm, item.posture)
@@ -152,7 +147,7 @@ class Composite(CompositeParameters, LQG):
         weighed[:k, :k] += bend_weight(needs.rigidity_uncertainty, stiffness, energy)
         sizes = np.outer([1.0, needs.rate], coordinate_sizes(arm)).ravel()
         gain, cost = regulator(A, B, weighed, price, sizes[moved])
-        frequency: FloatArray = np.sort(np.sqrt(np.abs(eigvals(pull))))
+        frequency: FloatArray = np.sort(np.sqrt(np.abs(linalg.eigvals(pull))))
         rigid, coupling = M[np.ix_(joints, joints)], M[np.ix_(joints, elastic)]
         # Gravity adds a stiffness, as the sag of the links depends on the joint angles: (C.38).
         whole = model.stiffness

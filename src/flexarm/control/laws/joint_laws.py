@@ -14,6 +14,7 @@ from pydantic import Field
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_each, check_flag, check_limits, check_numbers
 from flexarm.base.errors import InputError, Problem, check_array, public_call, raise_any, shown
+from flexarm.base.late import optimize
 from flexarm.control.contract.base import (
     JOINTS,
     Arrays,
@@ -361,8 +362,6 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
     references: ClassVar[str] = "BechlioulisRovithakis2008 BechlioulisRovithakis2014"
 
     def __post_init__(self) -> None:
-        from scipy.optimize import brentq
-
         super().__post_init__()
         if self.start_bound is None:
             self.start_bound = self.bound
@@ -379,7 +378,7 @@ class PrescribedPerformance(JointFollower, PrescribedPerformanceParameters):
         def excess(x: float) -> float:  # of the derivative of artanh(x) / (1 - x^2)
             return (1.0 + 2.0 * x * math.atanh(x)) / (1.0 - x * x) ** 2 - self.gain_limit
 
-        self._rate_end = brentq(excess, 0.0, self._angle_end)
+        self._rate_end = optimize.brentq(excess, 0.0, self._angle_end)
 
     @property
     def outside(self) -> int:

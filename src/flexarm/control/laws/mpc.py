@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.base.errors import InputError, Problem
+from flexarm.base.late import linalg, optimize
 from flexarm.control.contract.base import Arrays, FloatArray, Measurement, Reference, Step, applied
 from flexarm.control.design.linear_design import Design, previewed, regulated
 from flexarm.control.design.nominal import Nominal
@@ -227,9 +228,6 @@ def least_distance(
     (2002) 865-888). Otherwise the dual, a nonnegative least-squares problem, is solved in finitely
     many steps (Lawson and Hanson, Solving Least Squares Problems (1974), chapter 23, LDP).
     """
-    from scipy.linalg import lapack
-    from scipy.optimize import nnls
-
     # Scale rows to length one and floors to at most one, so that tolerances are relative.
     length = np.sqrt(np.einsum("ij,ij->i", matrix, matrix))
     rows, scaled = matrix / length[:, None], floor / length
@@ -237,7 +235,7 @@ def least_distance(
     tried = active if np.any(active) else scaled > 0.0
     for _ in range(_MOST_TRIED):
         chosen = rows[tried]
-        _, multipliers, failed = lapack.dposv(chosen @ chosen.T, scaled[tried])
+        _, multipliers, failed = linalg.lapack.dposv(chosen @ chosen.T, scaled[tried])
         least = multipliers @ chosen
         missed, better = scaled - rows @ least, multipliers > 0.0
         exact = np.abs(missed[tried]).max() <= _ROUNDING * size
@@ -252,7 +250,7 @@ def least_distance(
     unit = np.zeros(len(dual))
     unit[-1] = 1.0
     try:
-        weights, _ = nnls(dual, unit, maxiter=_MOST_CHANGES * dual.shape[1])
+        weights, _ = optimize.nnls(dual, unit, maxiter=_MOST_CHANGES * dual.shape[1])
     except RuntimeError:
         return None, active
     residual = dual @ weights - unit
@@ -421,8 +419,6 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
     @np.errstate(over="ignore", invalid="ignore")
     def _programme(self, x: FloatArray, steps: Steps, torques: FloatArray) -> _Prepared | None:
         """Return the programme about the motion from x (2 dof,) under torques (N, joints)."""
-        from scipy.linalg import lapack
-
         if not np.isfinite(sum(np.sum(array) for array in steps)):
             return None
         N, n, m = self.horizon, self._states, self._joints
@@ -443,10 +439,10 @@ class NonlinearMPC(NonlinearMPCParameters, MPC):
         blocks = np.einsum("kikj->kij", hessian.reshape(N, m, N, m))  # a view of the diagonal
         blocks += torque_weight
         # LAPACK directly, because it takes a quarter of the time of an inverse by NumPy.
-        factor, failed = lapack.dpotrf(hessian, lower=1)
+        factor, failed = linalg.lapack.dpotrf(hessian, lower=1)
         if failed:
             return None
-        root = lapack.dtrtri(factor, lower=1)[0].T
+        root = linalg.lapack.dtrtri(factor, lower=1)[0].T
         states = np.vstack([x, steps.after])
         return _Prepared(states, torques.ravel(), flat, last[:, s:], both[:, :s], root)
 

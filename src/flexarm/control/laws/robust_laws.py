@@ -23,6 +23,7 @@ from flexarm.base.errors import (
     public_call,
     warn_caller,
 )
+from flexarm.base.late import linalg, scipy
 from flexarm.control.analysis.structured import dk_iteration
 from flexarm.control.contract.base import (
     JOINTS,
@@ -258,8 +259,6 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
         self.reset()
 
     def _synthesise(self, plant: UncertainPlant) -> None:
-        from scipy.signal import cont2discrete
-
         search = self._frequencies(plant), self.iterations, self.scaling_order
         band = 0.1 * float(np.min(np.asarray(self.bandwidth))), 0.5 / self.sample_time
         start = coprime_controller(*plant.nominal, 1.1)[:4]
@@ -267,7 +266,7 @@ class MuSynthesis(RobustFollower, MuSynthesisParameters):
         self.mu, self.gamma, self.history = synthesis.mu, synthesis.gamma, synthesis.history
         A, B, C, D = synthesis[:4]
         whole = A, B @ plant.shown, plant.root @ C, plant.root @ D @ plant.shown
-        sampled = cont2discrete(whole, self.sample_time, method="bilinear")[:4]
+        sampled = scipy.signal.cont2discrete(whole, self.sample_time, method="bilinear")[:4]
         self.A, self.B, self.C, self.D = sampled
         self._states = len(self.A)
         growth = sampled_growth(plant.model, sampled, given_hardware(self, self.sample_time))
@@ -393,8 +392,6 @@ def _factors(change: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _with_performance(plant: Matrices, first: int, corner: float, sensitivity: float) -> Matrices:
     """Return the generalised plant: performance of disturbing torques and noise is added."""
-    from scipy.linalg import block_diag
-
     A, B, C, D = plant
     n, m = len(A), len(C) - first
     one, none = np.eye(m), np.zeros
@@ -402,7 +399,7 @@ def _with_performance(plant: Matrices, first: int, corner: float, sensitivity: f
     B_d, B_u, C_d, C_y = B[:, :first], B[:, first:], C[:first], C[first:]
     D_dd, D_du = D[:first, :first], D[:first, first:]
     D_yd, D_yu = D[first:, :first], D[first:, first:]
-    states = block_diag(A, -slow * one)
+    states = linalg.block_diag(A, -slow * one)
     inputs = np.block([[B_d, B_u, none((n, m)), B_u], [none((m, first)), one, none((m, m)), one]])
     slowed = [none((m, n)), (corner - slow * through) * one]
     zero = none((m, m))

@@ -19,6 +19,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import linalg, scipy
 from flexarm.control.analysis.linear_controller import FrozenReference, LinearController
 from flexarm.control.contract.base import (
     Around,
@@ -159,8 +160,6 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         return is_law(self.inner) and self.inner.analytic
 
     def reset(self) -> None:
-        from scipy.signal import cont2discrete
-
         super().reset()
         check_sample_time(self.arm, self.sample_time)
         law = self._law(2.0 * np.pi * self.frequency_hz)
@@ -168,7 +167,9 @@ class StrainDamping(StrainDampingParameters, OfArm, Around):
         B, D = -law.B @ self._observed, -law.D @ self._observed
         whole = law.A, B, joints @ law.C, joints @ D
         # Tustin's rule, because a zero-order hold of the strain would delay the feedback.
-        self._A, self._B, self._C, self._D, _ = cont2discrete(whole, self.sample_time, "bilinear")
+        self._A, self._B, self._C, self._D, _ = scipy.signal.cont2discrete(
+            whole, self.sample_time, "bilinear"
+        )
         self._followed: Reference | None = None
         self._along: SampledFeedforward | None = None
         model = self._model, self._sag, self.sample_time
@@ -427,10 +428,8 @@ class OutputRedefinition(OutputRedefinitionParameters, StrainDamping):
         For one joint this is the range in which the redefined rate is a passive output of the
         torque. Zero is within it. The bending is that which the gauges determine, without a filter.
         """
-        from scipy.linalg import eigh
-
         model = self._linear
-        stiffness, shapes = eigh(model.stiffness, model.mass)
+        stiffness, shapes = linalg.eigh(model.stiffness, model.mass)
         shapes = shapes[:, stiffness > _RIGID**2 * stiffness[-1]]
         turned = shapes[self.arm.joint_index]
         bent = self._driven @ self._observed @ self._strains @ shapes

@@ -78,13 +78,16 @@ class TaskController(OfArm, Controller):
     _shares: ClassVar[dict[str, float]]
     """Defaults of parameters, relative to their typical sizes on the arm."""
 
+    _stiffness: ClassVar[str] = "frequency"
+    """Parameter that is the frequency of joint errors, rad/s."""
+
     def __post_init__(self) -> None:
         check_sample_time(self.arm, self.sample_time)
         rate = slow_rate(self.arm, self.sample_time, self.delay)
         self._scales = arm_scales(self.arm, rate)
         set_defaults(self, self._shares, self._scales)
         self._reads_force = True
-        self._posture_frequency = 0.0  # of joint errors, rad/s; a subclass sets it
+        self._posture_frequency = getattr(self, self._stiffness)
         self._task = TaskSpace(self.arm)
         self._plan = TaskPlan(self.arm, self.sample_time)
 
@@ -185,10 +188,6 @@ class HybridForce(HybridForceParameters, TaskController):
         "approach_speed": 0.0066,
     }
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._posture_frequency = self.frequency
-
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         """Return the integrals of both errors, and whether the tip has touched the surface."""
         return {"integral": 0.0, "touched": False, "x_integral": 0.0, "y_integral": 0.0}
@@ -268,10 +267,10 @@ class Impedance(ImpedanceParameters, TaskController):
         "normal_damping": 8.0,
         "posture_frequency": 0.8,
     }
+    _stiffness = "posture_frequency"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._posture_frequency = self.posture_frequency
         self._reads_force = self.force_proportional > 0.0 or self.force_integral > 0.0
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
@@ -313,10 +312,6 @@ class Admittance(AdmittanceParameters, TaskController):
         "frequency": 1.25,
         "most_speed": 0.0066,
     }
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._posture_frequency = self.frequency
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         """Return the displacement of the reference y, m."""

@@ -13,7 +13,8 @@ from flexarm.arm.actions import marker, place_loads
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_choice, library_missing
-from flexarm.base.errors import InputError, Problem, check_frequencies, one_of, public_call, shown
+from flexarm.base.errors import InputError, Problem, check_array, one_of, public_call, shown
+from flexarm.base.late import linalg
 from flexarm.base.notebook import html_table
 from flexarm.model import Load, Sensor
 
@@ -262,7 +263,8 @@ class StateSpaceModel:
         Raises:
             InputError: if ``omega`` is not a finite number or an array of them.
         """
-        omega = check_frequencies(omega)
+        single = isinstance(omega, int | float | np.number)
+        omega = check_array("omega", omega, () if single else (-1,))
         response = self._response(np.atleast_1d(omega))
         return response if omega.ndim else response[0]
 
@@ -311,9 +313,7 @@ class LinearModel(StateSpaceModel):
     @property
     def poles(self) -> Any:
         """Eigenvalues of A (2 dof,), complex, 1/s, in ascending magnitude."""
-        from scipy.linalg import eigvals
-
-        return slowest_first(eigvals(self.A))
+        return slowest_first(linalg.eigvals(self.A))
 
     @public_call
     def zeros(self, input: str | None = None, output: str | None = None) -> Any:
@@ -380,9 +380,7 @@ def frequency_response(
     A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, omega: FloatArray
 ) -> NDArray[np.complex128]:
     """Return C (i omega - A)^-1 B + D, (frequencies, outputs, inputs); NaN at undamped poles."""
-    from scipy.linalg import matrix_balance
-
-    A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    A, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
     B, C = B / scale[:, None], C * scale
     dynamic = np.asarray(1j * omega[:, None, None] * np.eye(len(A)) - A, dtype=np.complex128)
     states = solved_each(dynamic, B)
@@ -421,24 +419,22 @@ def _transmission_zeros(A: FloatArray, b: FloatArray, c: FloatArray, d: float) -
     Source: A. Emami-Naeini and P. Van Dooren, Computation of zeros of linear multivariable systems,
     Automatica 18 (1982) 415-430, for the pencil and for the deflation of infinite zeros.
     """
-    from scipy.linalg import eigvals, matrix_balance, null_space
-
     if not ((np.any(b) and np.any(c)) or d != 0.0):
         return np.zeros(0, dtype=complex)  # no effect at any frequency
-    A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    A, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
     b, c = b / scale, c * scale
     if d != 0.0:
-        found = eigvals(A - np.outer(b, c) / d)
+        found = linalg.eigvals(A - np.outer(b, c) / d)
     else:
         # Scales are powers of two, so that the product of a position and a force is exactly zero.
         constraints = np.array([c] if c @ b != 0.0 else [c, c @ A])
         constraints /= np.linalg.norm(constraints, axis=1, keepdims=True)
         orthogonal = np.vstack([b / np.linalg.norm(b), constraints[:-1]])
-        allowed, equations = null_space(constraints), null_space(orthogonal)
+        allowed, equations = linalg.null_space(constraints), linalg.null_space(orthogonal)
         # The direct effect of a torque on a distant point decreases with each element, so on a fine
         # mesh the magnitude of a zero may exceed the range of floating-point numbers.
         if allowed.shape[1] == 0:
             return np.zeros(0, dtype=complex)
-        found = eigvals(equations.T @ A @ allowed, equations.T @ allowed)
+        found = linalg.eigvals(equations.T @ A @ allowed, equations.T @ allowed)
         found = found[np.isfinite(found)]
     return slowest_first(found)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from io import BytesIO
 from itertools import pairwise
 from os import PathLike
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -24,6 +24,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_choice, check_times
 from flexarm.base.errors import InputError, Problem, check_array, public_call
+from flexarm.base.late import xr
 from flexarm.base.writing.places import check_place, write_whole
 from flexarm.integrate.implicit.gauss import gauss_coefficients
 from flexarm.linear.statics.gaps import warn_of_bristles
@@ -34,9 +35,6 @@ from flexarm.motion import Motion
 from flexarm.motion.dynamics.base_motion import BaseMotion, base_motion
 from flexarm.motion.dynamics.dynamics_along import dynamics_along
 from flexarm.motion.motion import check_motion
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 JOINTS = ("free", "locked")
 #: Number of times evaluated, or of steps solved, in one batch: limits the memory for long motions
@@ -179,8 +177,6 @@ class Separation:
 
     def to_dataset(self) -> xr.Dataset:
         """Return the samples as an ``xarray.Dataset`` labelled with states and inputs."""
-        import xarray as xr
-
         q = [f"q[{i}]" for i in self.kept]
         tau = [f"torque_{number}" for number in self.arm.joint_numbers]
         states = [f"d{name}" for name in q] + [f"d{name}/dt" for name in q]

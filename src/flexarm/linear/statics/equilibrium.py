@@ -37,6 +37,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import linalg
 from flexarm.base.notebook import html_table
 from flexarm.kernels.derivatives.tangent import inverse_jacobian
 from flexarm.linear.statics.axial import closure_warning, geometric_stiffness, warn_of_theory
@@ -485,8 +486,6 @@ class _Search:
 
     def _lowest(self, q: FloatArray, added: FloatArray | None = None) -> float:
         """Return the lowest eigenvalue of stiffness, and what is ``added`` to it, over mass."""
-        from scipy.linalg import eigh
-
         motions = independent_motions(self.arm, q, self.unknown)
         if motions.independent.size == 0:
             return float(np.inf)
@@ -496,7 +495,7 @@ class _Search:
         # Only the symmetric part has a potential; with follower loads flutter remains possible.
         try:
             stored, M = (K + K.T) / 2.0, motions.matrix(self.arm.mass_matrix(q))
-            return float(eigh(stored, M, eigvals_only=True, subset_by_index=[0, 0])[0])
+            return float(linalg.eigh(stored, M, eigvals_only=True, subset_by_index=[0, 0])[0])
         except np.linalg.LinAlgError:
             reason = (
                 "the mass matrix is indefinite there, because links bend beyond the "
@@ -523,9 +522,7 @@ def _descent_step(
     equilibrium it is the Newton step (Dauphin et al., Advances in Neural Information Processing
     Systems 27 (2014) 2933-2941, "saddle-free Newton").
     """
-    from scipy.linalg import eigh
-
-    values, vectors = eigh((K + K.T) / 2.0, M)
+    values, vectors = linalg.eigh((K + K.T) / 2.0, M)
     pull = vectors.T @ force
     # Without a stiffness of its own, a free joint moves as on a spring of the size of the force.
     stiffness = np.abs(values)

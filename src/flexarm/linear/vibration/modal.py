@@ -32,6 +32,7 @@ from flexarm.base.errors import (
     public_call,
     shown,
 )
+from flexarm.base.late import linalg, optimize
 from flexarm.base.notebook import html_table
 from flexarm.kernels.derivatives.sensitivity import STEP
 from flexarm.kernels.observation.observables import poses
@@ -303,11 +304,9 @@ def _small_motion(
 def _solve(
     arm: Arm, q: FloatArray, spin: float, held: JointFeedback, motions: Motions, small: Tangent
 ) -> Modes:
-    from scipy.linalg import cholesky
-
     M = motions.matrix(small.mass)
     try:
-        cholesky(M)
+        linalg.cholesky(M)
     except np.linalg.LinAlgError:
         hint = "Divide the links into segments."
         rule = "bends links beyond the second-order theory: the mass matrix is indefinite"
@@ -396,12 +395,10 @@ def _undamped(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     The stiffest modes of a fine mesh are 1e10 times stiffer than the lowest, which would lose their
     digits in a direct solution. In ``M x = mu (K + s M) x`` the lowest modes have the largest mu.
     """
-    from scipy.linalg import eigh
-
     if M.size == 0:
         return np.zeros(0), np.zeros((0, 0))
     shift = _positive_shift(M, K)
-    mu, vectors = eigh(M, K + shift * M)
+    mu, vectors = linalg.eigh(M, K + shift * M)
     squared = 1.0 / mu[::-1] - shift
     vectors = vectors[:, ::-1] / np.sqrt(mu[::-1])
     squared[np.abs(squared) < _ZERO * shift] = 0.0
@@ -412,14 +409,12 @@ def _undamped(M: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _positive_shift(M: FloatArray, K: FloatArray) -> float:
     """Return a shift s with K + s M positive definite, of the size of the lowest stiffness."""
-    from scipy.linalg import cholesky
-
     diagonal = np.abs(np.diag(K)) / np.diag(M)
     positive = diagonal[diagonal > _NOISE * diagonal.max()]
     shift = float(positive.min()) if positive.size else 1.0
     while True:
         try:
-            cholesky(K + shift * M)
+            linalg.cholesky(K + shift * M)
         except np.linalg.LinAlgError:
             shift *= 4.0
         else:
@@ -428,8 +423,6 @@ def _positive_shift(M: FloatArray, K: FloatArray) -> float:
 
 def _damped(squared: FloatArray, coupling: FloatArray, damping: FloatArray) -> _Damped:
     """Solve the quadratic eigenvalue problem in k undamped modes; theory (S.3), (S.4)."""
-    from scipy.linalg import eig
-
     count = squared.size
     damping = np.where(np.abs(damping) > _NONE * np.max(np.abs(damping), initial=0.0), damping, 0.0)
     if not np.any(coupling) and not np.any(damping - np.diag(np.diag(damping))):
@@ -442,7 +435,7 @@ def _damped(squared: FloatArray, coupling: FloatArray, damping: FloatArray) -> _
     scale[scale == 0.0] = np.min(scale[scale > 0.0], initial=1.0)
     zero = np.zeros((count, count))
     stiffness = (np.diag(squared) + coupling) / scale
-    values, vectors = eig(np.block([[zero, np.diag(scale)], [-stiffness, -damping]]))
+    values, vectors = linalg.eig(np.block([[zero, np.diag(scale)], [-stiffness, -damping]]))
     shapes = vectors[:count] / scale[:, None]
     first, second = _matched(values, shapes)
     turned = shapes[:, first] / np.linalg.norm(shapes[:, first], axis=0)
@@ -465,19 +458,19 @@ def _matched(values: _ComplexArray, shapes: _ComplexArray) -> tuple[NDArray[np.i
     The match uses the magnitude of each undamped mode in the shapes (k, 2k). Modes whose pairs
     have become real eigenvalues by damping are matched to two real ones each.
     """
-    from scipy.optimize import linear_sum_assignment
-
     count = len(shapes)
     share = np.abs(shapes) ** 2 / np.maximum(np.sum(np.abs(shapes) ** 2, axis=0), 1e-300)
     above = np.flatnonzero(values.imag > 0.0)
     first, second = np.full(count, -1), np.full(count, -1)
-    rows, columns = linear_sum_assignment(share[:, above], maximize=True)
+    rows, columns = optimize.linear_sum_assignment(share[:, above], maximize=True)
     first[rows] = above[columns]
     below = np.flatnonzero(values.imag < 0.0)  # in LAPACK's order each follows its conjugate
     second[rows] = below[columns]
     left = np.flatnonzero(first < 0)
     real = np.flatnonzero(values.imag == 0.0)
-    rows, columns = linear_sum_assignment(np.repeat(share[left][:, real], 2, axis=0), maximize=True)
+    rows, columns = optimize.linear_sum_assignment(
+        np.repeat(share[left][:, real], 2, axis=0), maximize=True
+    )
     pairs = real[columns[np.argsort(rows)]].reshape(-1, 2)
     slower = np.argsort(-values[pairs].real, axis=1)
     pairs = np.take_along_axis(pairs, slower, axis=1)
@@ -492,8 +485,6 @@ def lowest_frequency(arm: Arm) -> float:
     frequency is infinite for a rigid arm. Coordinates of the base that no spring holds are locked,
     too. Closures do not count: they only raise frequencies.
     """
-    from scipy.linalg import eigh
-
     constants = arm.assembly.constants
     springless = [c.place for c in arm.assembly.base if constants.joint_stiffness[c.body] == 0.0]
     elastic = np.setdiff1d(np.arange(arm.dof), [*arm.joint_index, *springless])
@@ -504,5 +495,5 @@ def lowest_frequency(arm: Arm) -> float:
     stiffness = np.where(stiffness == 0.0, contacts, stiffness)
     springs = np.concatenate([stiffness[:, None], constants.w2], axis=1)
     mass = arm.mass_matrix(arm.rest(np.zeros(arm.n_joints)))[np.ix_(elastic, elastic)]
-    square = eigh(np.diag(arm.unpadded(springs)[elastic]), mass, eigvals_only=True)
+    square = linalg.eigh(np.diag(arm.unpadded(springs)[elastic]), mass, eigvals_only=True)
     return float(np.sqrt(square[0]))

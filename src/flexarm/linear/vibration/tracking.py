@@ -15,6 +15,7 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.bending import one_warning, warn_of_bending
 from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, check_array, few, public_call, shown
+from flexarm.base.late import optimize
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.linear.vibration.modal import Joints, Modes, modes
 from flexarm.model.arm.spec import serial_only
@@ -188,15 +189,13 @@ class _Lines:
 
     def match(self, found: Modes) -> tuple[NDArray[np.intp], FloatArray]:
         """Return the mode that continues each tracked mode, and their similarity: (S.6)."""
-        from scipy.optimize import linear_sum_assignment
-
         M = self.arm.mass_matrix(found.q)
         theirs = found.complex_shapes
         products = np.abs(self.shapes.conj() @ M @ theirs.T) ** 2
         mine = np.einsum("ki,ij,kj->k", self.shapes.conj(), M, self.shapes).real
         other = np.einsum("ki,ij,kj->k", theirs.conj(), M, theirs).real
         alike = products / np.outer(mine, other)
-        rows, columns = linear_sum_assignment(alike, maximize=True)
+        rows, columns = optimize.linear_sum_assignment(alike, maximize=True)
         return columns, alike[rows, columns]
 
     def take(self, found: Modes, chosen: NDArray[np.intp], alike: FloatArray) -> None:

@@ -476,7 +476,11 @@ class Link(Record):
             ):
                 yield Fault(("rotary_inertia",), "requires rotary_inertia_per_length")
         if given.has("length", "table"):
-            yield from _table_end_faults(given.length, given.table.x[-1])
+            end, whole = given.table.x[-1], "A table covers the link from root to tip."
+            # The tolerance is above rounding, and below any intended difference.
+            if not math.isclose(end, given.length, rel_tol=1e-9):
+                rule = f"end at {given.length:.9g} (the length of the link)"
+                yield Fault(("table", "x"), rule, shown(end), whole)
         if given.has("elements", "segments"):
             yield from _mesh_faults(given)
         if given.has("segments", "damping") and given.segments > 1:
@@ -539,13 +543,6 @@ def _shear_faults(given: Given) -> Iterator[Fault]:
         yield Fault(
             path, "is missing", hint="It is k G A. A material and a section define it, too."
         )
-
-
-def _table_end_faults(length: float, end: float) -> Iterator[Fault]:
-    """Yield a fault if a table does not end at the tip."""
-    if not math.isclose(end, length, rel_tol=1e-9):  # above rounding, below any intended difference
-        rule = f"end at {length:.9g} (the length of the link)"
-        yield Fault(("table", "x"), rule, shown(end), "A table covers the link from root to tip.")
 
 
 def _mesh_faults(given: Given) -> Iterator[Fault]:

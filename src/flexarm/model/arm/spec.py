@@ -120,14 +120,7 @@ UNDRIVEN = FREE_BASE + CLOSURES
 
 
 def serial_only(spec: ArmSpec, what: str, unsupported: Collection[str] | None = None) -> None:
-    """Raise for an arm that is not a serial arm, in a place that supports no other ones.
-
-    Args:
-        unsupported: the features that are not supported there; by default all.
-
-    Raises:
-        InputError: if the arm has such features; the error names ``what`` and them.
-    """
+    """Raise for an arm with features that ``what`` does not support, by default all of others."""
     features = [name for name in spec.features if unsupported is None or name in unsupported]
     if features:
         listed = " and ".join(filter(None, (", ".join(features[:-1]), features[-1])))

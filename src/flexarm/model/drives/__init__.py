@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
 from flexarm.model.drives.around import AROUND
 from flexarm.model.drives.around import FilterSpec as FilterSpec
@@ -84,14 +83,6 @@ class TorqueDrive(Record):
 def in_volts(drive: object) -> bool:
     """Return whether a drive has samples of voltages."""
     return isinstance(drive, TorqueDrive) and drive.quantity == "voltage"
-
-
-def winding_faults(arm: ArmSpec) -> Iterator[Fault]:
-    """Yield the faults of a drive with samples of voltages: joints of the arm without a winding."""
-    for k, joint in enumerate(arm.joints):
-        if not joint.fixed and joint.winding is None:
-            rule = f"voltage is not supported without arm.joints[{k}].winding"
-            yield Fault(("quantity",), rule)
 
 
 #: Drives without feedback whose torques are computed from the motion.

@@ -12,7 +12,7 @@ from flexarm.base.errors import shown
 from flexarm.model import drives, environment
 from flexarm.model.arm.spec import ArmSpec
 from flexarm.model.checks import Given, Record
-from flexarm.model.hardware import LIMITS, Hardware, hardware_faults
+from flexarm.model.hardware import LIMITS, Hardware, instrument_faults
 from flexarm.model.quantities import (
     Count,
     Direction,
@@ -343,8 +343,11 @@ class Scenario(Record):
                 yield Fault(path, f"have length {joints}, one value for each joint", str(length))
         if given.has("hardware") and kind not in drives.CONTROLLED:
             yield Fault(("hardware",), "requires a controller as drive")
-        yield from hardware_faults(given)
-        yield from environment.load_faults(given)
+        if given.has("hardware", "arm"):
+            contacts = not given.has("contacts") or bool(given.contacts)
+            yield from instrument_faults(given.arm, given.hardware, contacts)
+        if given.has("arm", "loads"):
+            yield from environment.off_the_arm(given.arm, given.loads)
         yield from environment.contact_faults(given)
         yield from motion_faults(given)
         yield from prescribed_faults(given, turning)
@@ -355,7 +358,10 @@ class Scenario(Record):
             )
         if given.has("drive") and drives.in_volts(given.drive):
             if given.has("arm"):
-                yield from (fault.inside("drive") for fault in drives.winding_faults(given.arm))
+                for k, joint in enumerate(given.arm.joints):
+                    if not joint.fixed and joint.winding is None:
+                        rule = f"voltage is not supported without arm.joints[{k}].winding"
+                        yield Fault(("drive", "quantity"), rule)
             if given.has("changes"):
                 yield from environment.motor_change_faults(given.changes)
         if given.has("arm", "initial"):

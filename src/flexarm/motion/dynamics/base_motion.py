@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.errors import InputError, Problem
+from flexarm.base.late import scipy
 from flexarm.motion.dynamics.following_base import FollowingBase
 from flexarm.motion.motion import Floats, Motion
 
@@ -29,12 +30,7 @@ class BaseStates(NamedTuple):
 
 
 class BaseMotion:
-    """Motion of the base along a motion of the joints, from rest at its start.
-
-    Args:
-        following: the base. motion: of the joints.
-        start: (k,) position of the base at rest before the motion.
-    """
+    """Motion of the base along a motion of the joints, from rest at ``start`` (k,) before it."""
 
     def __init__(self, following: FollowingBase, motion: Motion, start: Floats) -> None:
         self.following, self.motion = following, motion
@@ -65,8 +61,6 @@ class BaseMotion:
 
     def _extend(self, until: float) -> None:
         """Integrate the base up to a time, s."""
-        from scipy.integrate import solve_ivp
-
         if until <= self._end:
             return
         until = max(until, self._end + _PART * self.motion.duration)
@@ -79,7 +73,7 @@ class BaseMotion:
             def slope(t: float, state: Floats, inside: tuple[float, float] = inside) -> Floats:
                 return self._slope(min(max(t, inside[0]), inside[1]), state)
 
-            path = solve_ivp(
+            path = scipy.integrate.solve_ivp(
                 slope,
                 (a, b),
                 self._state,
@@ -103,11 +97,6 @@ class BaseMotion:
 
 
 def base_motion(rigid: Arm, motion: Motion) -> BaseMotion:
-    """Return the motion of the base of a rigid mechanism along a motion of its joints.
-
-    Raises:
-        InputError: if closures connect the mechanism with the ground, or the base has no
-            equilibrium at the start.
-    """
+    """Return the motion of the base of a rigid mechanism along a motion of its joints."""
     following = FollowingBase(rigid)
     return BaseMotion(following, motion, following.rest(motion.joint_angle(motion.start_time)))

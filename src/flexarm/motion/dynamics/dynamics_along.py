@@ -6,10 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.closed import gap_bias, held_joints, refuse_open, row_sizes
@@ -20,11 +22,6 @@ from flexarm.model.arm.spec import serial_only
 from flexarm.motion.dynamics.base_motion import BaseMotion, base_motion
 from flexarm.motion.geometry.inverse_kinematics import check_arm, tip_jacobian
 from flexarm.motion.motion import Floats, Motion, check_motion
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from flexarm.arm.arm import Arm
 
 
 class DynamicsAlong(NamedTuple):
@@ -93,9 +90,6 @@ class Actuation:
     Theory page "mechanisms", (M.24). With the motions ``Z`` that keep the loops closed and its
     rows ``Z_a`` of the actuated joints, ``P = Z pinv(Z_a)``: the torques ``P' f`` of least norm do
     the work of the forces f of all joints.
-
-    Attributes:
-        arm: a rigid arm.
     """
 
     def __init__(self, arm: Arm, actuated: Sequence[int] | None) -> None:

@@ -12,9 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, IntArray
@@ -22,13 +23,10 @@ from flexarm.arm.assembly.coordinates import coordinate_sizes, turning_joints
 from flexarm.arm.closed import closed_posture, gap_bias, row_sizes
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import InputError, Problem, shown
+from flexarm.base.late import interpolate
 from flexarm.model import Closure
 from flexarm.model.arm.spec import FREE_BASE, serial_only
 from flexarm.motion.dynamics.following_base import FollowingBase
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-    from scipy.interpolate import PPoly
 
 #: Least singular value of J with respect to the joints that follow, in sizes: about the distance
 #: from a singular posture, in rad.
@@ -113,12 +111,7 @@ def _pinned(arm: Arm, point: FloatArray) -> Arm:
 
 
 def posture_near(arm: Arm, point: FloatArray, posture: ArrayLike | None) -> FloatArray:
-    """Return the joint angles (joints,) of a rigid mechanism near a posture, with the tip at a
-    point (2,).
-
-    Raises:
-        InputError: without a posture, or if the tip does not reach the point near it.
-    """
+    """Return joint angles (joints,) of a rigid mechanism near a posture, with a given tip (2,)."""
     serial_only(arm.spec, "inverse kinematics of the tip", ("a free base",))
     if posture is None:
         hint = "Give joint angles near those at the point."
@@ -143,7 +136,7 @@ def mechanism_path(
     joints: Callable[[float], Given],
     tip: Callable[[float], Given] | None = None,
     breaks: Sequence[float] = (),
-) -> PPoly:
+) -> interpolate.PPoly:
     """Return the joint angles of a rigid mechanism as polynomials of s, from 0 to 1.
 
     Args:
@@ -190,13 +183,11 @@ def mechanism_path(
 
 def _table(
     edges: FloatArray, first: FloatArray, posture: Callable[[float, FloatArray], FloatArray]
-) -> PPoly:
+) -> interpolate.PPoly:
     """Return polynomials through postures (3, joints), which are close enough to each other."""
-    from scipy.interpolate import PPoly
-
     s, states = _first_states(edges, first, posture)
     while True:
-        table = PPoly(quintics(states[:-1], states[1:], np.diff(s)), s)
+        table = interpolate.PPoly(quintics(states[:-1], states[1:], np.diff(s)), s)
         middle = 0.5 * (s[:-1] + s[1:])
         near = table(middle)
         try:
@@ -208,7 +199,7 @@ def _table(
         states = np.insert(states, range(1, len(states)), between, axis=0)
         # The intervals are halved once more, which divides the error by 16.
         if error.max() <= 16.0 * _ERROR * np.abs(states[:, 1:]).max():
-            return PPoly(quintics(states[:-1], states[1:], np.diff(s)), s)
+            return interpolate.PPoly(quintics(states[:-1], states[1:], np.diff(s)), s)
         if len(s) > _MOST:
             raise _singular(middle[error.argmax()], near[error.argmax()])
 
@@ -268,17 +259,15 @@ def quintics(first: Any, last: Any, width: FloatArray) -> FloatArray:
     return np.stack(rows)
 
 
-def quintic_table(edges: FloatArray, first: Any, last: Any, rests: FloatArray) -> PPoly:
+def quintic_table(edges: FloatArray, first: Any, last: Any, rests: FloatArray) -> interpolate.PPoly:
     """Return polynomials of degree 5 between rest before and rest after a motion.
 
     ``first`` and ``last`` (k, n) are values at the start and at the end of each interval between
     the edges (k + 1,) s, ``rests`` (2, n) rad the angles before and after the motion.
     """
-    from scipy.interpolate import PPoly
-
     constant = np.zeros((2, 6, rests.shape[1]))
     constant[:, 5] = rests
     inner = quintics(first, last, np.diff(edges)).transpose(1, 0, 2)
     coefficients = np.concatenate([constant[:1], inner, constant[1:]]).transpose(1, 0, 2)
     ends = np.concatenate([[edges[0] - 1.0], edges, [edges[-1] + 1.0]])
-    return PPoly(np.ascontiguousarray(coefficients), ends)
+    return interpolate.PPoly(np.ascontiguousarray(coefficients), ends)

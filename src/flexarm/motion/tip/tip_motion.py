@@ -28,9 +28,12 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from flexarm.arm.arm import Arm
 from flexarm.base.arguments import warn_of_degrees
 from flexarm.base.errors import InputError, Problem, public_call, shown
+from flexarm.base.late import scipy
 from flexarm.motion.geometry.inverse_kinematics import (
     RigidChain,
     check_elbow,
@@ -50,11 +53,6 @@ from flexarm.motion.timing import TimingLaw, timing_law
 from flexarm.motion.tip.tip_paths import TipPath, arc_path, line_path, polygon_path, spline_path
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-    from scipy.integrate import OdeSolution
-
-    from flexarm.arm.arm import Arm
-
     Posture = Callable[[Floats], Floats]
 
 
@@ -271,8 +269,6 @@ def _two_link_posture(
 
 def least_norm_path(chain: RigidChain, path: TipPath, first: Floats) -> Posture:
     """Return q(s) -> (T, n) along the least-norm path from posture `first` (n,) at its start."""
-    from scipy.integrate import OdeSolution, solve_ivp  # slow, not required for two links
-
     lengths = chain.lengths
     limit = _SMALLEST_STRETCH * float(np.sum(lengths))
 
@@ -291,16 +287,18 @@ def least_norm_path(chain: RigidChain, path: TipPath, first: Floats) -> Posture:
     for piece in pairwise((0.0, *path.breaks, 1.0)):
         tolerances = {"rtol": _ODE_TOLERANCE, "atol": _ODE_TOLERANCE, "max_step": _LONGEST_STEP}
         method = {"method": "DOP853", "dense_output": True, "events": clearance}
-        solution = solve_ivp(slope, piece, angles, **method, **tolerances)
+        solution = scipy.integrate.solve_ivp(slope, piece, angles, **method, **tolerances)
         angles = solution.y[:, -1]
         if solution.status != 0:
             raise SingularPathError(float(solution.t[-1]), angles)
         times += solution.t[1:].tolist()
         steps += solution.sol.interpolants
-    return partial(_least_norm_posture, chain, path, OdeSolution(times, steps))
+    return partial(_least_norm_posture, chain, path, scipy.integrate.OdeSolution(times, steps))
 
 
-def _least_norm_posture(chain: RigidChain, path: TipPath, near: OdeSolution, s: Floats) -> Floats:
+def _least_norm_posture(
+    chain: RigidChain, path: TipPath, near: scipy.integrate.OdeSolution, s: Floats
+) -> Floats:
     """Return the postures at path fractions s, with the tip corrected onto the path."""
     point = path.at(s).point - chain.base
     angles: Floats = near(s).T

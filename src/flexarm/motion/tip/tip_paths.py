@@ -15,18 +15,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexarm.base.arguments import check_number, check_positive
 from flexarm.base.errors import InputError, Problem, check_array, shown
+from flexarm.base.late import interpolate
 from flexarm.motion.motion import Floats
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-    from scipy.interpolate import PPoly
-
 
 #: Corners start by default at this fraction of the shorter of their two sides; half is the most.
 CORNER = 0.25
@@ -73,7 +70,8 @@ class PolynomialPath(TipPath):
 
     title: str
     marks: dict[str, float]
-    pieces: PPoly  # polynomials of s with values (2,), twice continuously differentiable
+    #: Polynomials of s with values (2,), twice continuously differentiable
+    pieces: interpolate.PPoly
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -187,13 +185,11 @@ def polygon_path(points: ArrayLike, blend: float | None) -> PolynomialPath:
 
 def spline_path(points: ArrayLike) -> PolynomialPath:
     """Return the spline through world points (k, 2) m; closed if the last equals the first."""
-    from scipy.interpolate import CubicSpline
-
     knots = _different(points)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(knots, axis=0).T))])
     s = along / along[-1]
     closed = bool(np.all(knots[0] == knots[-1]))
-    pieces = CubicSpline(s, knots, bc_type="periodic" if closed else "not-a-knot")
+    pieces = interpolate.CubicSpline(s, knots, bc_type="periodic" if closed else "not-a-knot")
     marks = {f"points[{k}]": float(part) for k, part in enumerate(s)}
     return PolynomialPath("path through the points", marks, pieces)
 
@@ -224,12 +220,10 @@ def _different(points: ArrayLike) -> Floats:
     return array
 
 
-def _polynomials(edges: list[float], rows: list[list[Floats]]) -> PPoly:
+def _polynomials(edges: list[float], rows: list[list[Floats]]) -> interpolate.PPoly:
     """Return polynomials from coefficients of rising powers of s since the start of a piece."""
-    from scipy.interpolate import PPoly
-
     most = max(len(row) for row in rows)
     table = np.zeros((most, len(rows), 2))
     for k, row in enumerate(rows):
         table[most - len(row) :, k] = row[::-1]
-    return PPoly(table, np.array(edges))
+    return interpolate.PPoly(table, np.array(edges))

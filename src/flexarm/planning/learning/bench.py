@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.arm import Arm
 from flexarm.base.arguments import check_positive
 from flexarm.base.errors import FlexarmError, InputError, Problem, check_array, shown
+from flexarm.base.late import xr
 from flexarm.control.analysis.linear_controller import linear_controller
 from flexarm.control.contract.base import (
     JOINTS,
@@ -33,10 +34,6 @@ from flexarm.motion.dynamics.dynamics_along import dynamics_along
 from flexarm.motion.geometry.inverse_kinematics import rigid_chain, tip_jacobian
 from flexarm.simulation.calls.metrics import tip_reference
 from flexarm.simulation.calls.run import simulate
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 #: Intervals by default, and largest number of learned torques: the model is a dense matrix, and its
 #: eigenvalues take the third power of that number, a minute for the largest.

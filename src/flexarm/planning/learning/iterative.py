@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from inspect import signature
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import linalg, scipy, xr
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.model import Hardware
@@ -37,10 +38,6 @@ from flexarm.planning.learning.bench import (
     window_of,
 )
 from flexarm.simulation.calls.run import simulate
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 OUTPUTS = ("tip", "joint_angle")
 #: Arguments of ``simulate`` that a trial does not determine.
@@ -296,14 +293,14 @@ def norm_optimal(P: FloatArray, effort: float, change: float) -> _Law:
     ``P`` (N p, N joints) is the lifted model; the weights ``effort`` of torques and ``change`` of
     their changes are relative to its largest singular value squared.
     """
-    from scipy.linalg import cho_factor, cho_solve
-
     square = P.T @ P
     # The largest eigenvalue of P^T P is the square of the largest singular value of P.
     scale = float(np.linalg.eigvalsh(square)[-1])
     eye = np.eye(len(square))
-    factor = cho_factor(square + (effort + change) * scale * eye)
-    return _Law(cho_solve(factor, square + change * scale * eye), cho_solve(factor, P.T))
+    factor = linalg.cho_factor(square + (effort + change) * scale * eye)
+    return _Law(
+        linalg.cho_solve(factor, square + change * scale * eye), linalg.cho_solve(factor, P.T)
+    )
 
 
 def proportional_derivative(
@@ -335,10 +332,8 @@ def filtered(law: _Law, joints: int, cutoff: float, interval: float) -> _Law:
 
 
 def _smooth(matrix: FloatArray, count: int, cutoff: float, interval: float) -> FloatArray:
-    from scipy.fft import dct, idct
-
     hertz = np.arange(count) / (2.0 * count * interval)
     gain = 1.0 / (1.0 + (hertz / cutoff) ** (2 * _ORDER))
     columns = matrix.reshape(count, -1)
-    spectrum = gain[:, None] * dct(columns, axis=0, norm="ortho")
-    return np.asarray(idct(spectrum, axis=0, norm="ortho").reshape(matrix.shape))
+    spectrum = gain[:, None] * scipy.fft.dct(columns, axis=0, norm="ortho")
+    return np.asarray(scipy.fft.idct(spectrum, axis=0, norm="ortho").reshape(matrix.shape))

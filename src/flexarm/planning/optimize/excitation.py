@@ -20,6 +20,7 @@ from flexarm.base.errors import (
     public_call,
     without_warnings,
 )
+from flexarm.base.late import optimize, scipy
 from flexarm.identification.assessment import Identifiability, predicted
 from flexarm.identification.record import MeasuredRecord
 from flexarm.identification.space import check_free
@@ -284,9 +285,6 @@ class _Experiment:
 
 def _search(experiment: _Experiment, begin: Multisine, iterations: int) -> Multisine:
     """Return a multisine with a larger determinant, nearly within the limits."""
-    from scipy.optimize import minimize
-    from scipy.special import logsumexp
-
     shape = begin.coefficients.shape
     scale = float(np.abs(begin.coefficients).max())
     known: dict[bytes, tuple[float, float]] = {}
@@ -305,7 +303,7 @@ def _search(experiment: _Experiment, begin: Multisine, iterations: int) -> Multi
                 run = experiment.run(torque)
                 value = -experiment.identifiability(run).log_determinant
                 # A smooth upper bound of the largest excess.
-                excess = logsumexp(_SHARP * experiment.excess(torque, run)) / _SHARP
+                excess = scipy.special.logsumexp(_SHARP * experiment.excess(torque, run)) / _SHARP
                 margin = -float(excess)
             except SimulationError:
                 value, margin = _FAILED, -1.0
@@ -313,7 +311,7 @@ def _search(experiment: _Experiment, begin: Multisine, iterations: int) -> Multi
         return known[key]
 
     x = np.concatenate([begin.coefficients.real.ravel(), begin.coefficients.imag.ravel()]) / scale
-    found = minimize(
+    found = optimize.minimize(
         lambda x: evaluated(x)[0],
         x,
         method="SLSQP",

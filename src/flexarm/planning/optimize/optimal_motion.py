@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,7 @@ from flexarm.base.errors import (
     warn_caller,
     without_warnings,
 )
+from flexarm.base.late import interpolate, xr
 from flexarm.linear import equilibrium, modes
 from flexarm.model.arm.spec import UNDRIVEN, serial_only
 from flexarm.model.quantities import Count, Positive
@@ -48,10 +49,6 @@ from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.derivatives.gradient import goal_gradient
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.tolerance import RTOL
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from scipy.interpolate import PPoly
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +123,7 @@ class OptimalMotion(TabulatedMotion):
     remaining: Remaining = field(repr=False)
     _plan: Plan = field(repr=False)
     _history: PiecewiseCubic = field(repr=False)
-    _table: PPoly = field(repr=False)
+    _table: interpolate.PPoly = field(repr=False)
     chain: RigidChain = field(repr=False)
     start_time: float = 0.0
 
@@ -186,7 +183,7 @@ def last_iterate(task: Task, plan: Plan) -> xr.Dataset:
     return make_result(task.arm, plan.times, channels, {"duration": plan.duration})
 
 
-def tabulated(task: Task, plan: Plan) -> tuple[PPoly, RigidChain]:
+def tabulated(task: Task, plan: Plan) -> tuple[interpolate.PPoly, RigidChain]:
     """Return the joint angles of a plan as polynomials of degree 5, and the rigid chain."""
     # Accelerations at the nodes are those of the equations of motion.
     arm, joint = task.arm, task.arm.joint_index

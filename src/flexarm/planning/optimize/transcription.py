@@ -12,21 +12,18 @@ Reference: J. T. Betts, Practical Methods for Optimal Control and Estimation Usi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import LargeDeflectionWarning, without_warnings
+from flexarm.base.late import interpolate, xr
 from flexarm.bridges.symbolic.models import casadi_model
 from flexarm.control.design.input_shaping import shaped
 from flexarm.motion import Motion, joint_motion, rigid_torque
 from flexarm.planning.optimize.task import GAUSS, STAGES, Plan, Quantities, Task
 from flexarm.simulation.calls.run import simulate
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 #: Weight of the mean squared torque, relative to its limits or the guess, in the other objectives:
 #: torques that do not matter become small and smooth.
@@ -332,8 +329,6 @@ def _shortest(task: Task) -> float:
 
 def plan_of(task: Task, motion: Motion, intervals: int) -> Plan:
     """Return the plan in which the motors follow a motion, by a simulation of the arm."""
-    from scipy.interpolate import CubicSpline
-
     arm, begin, duration = task.arm, motion.start_time, motion.duration
     start = task.start.q.copy()
     start[arm.joint_index] = motion.joint_angle(0.0)
@@ -347,7 +342,7 @@ def plan_of(task: Task, motion: Motion, intervals: int) -> Plan:
             progress=False,
         )
     times = run.time.values
-    torque = CubicSpline(times, run.torque.values)
+    torque = interpolate.CubicSpline(times, run.torque.values)
     at_nodes = torque(begin + duration * np.linspace(0.0, 1.0, intervals + 1))
     ends = np.stack([at_nodes[:-1], at_nodes[1:]], axis=1)
     if not task.continuous:
@@ -359,11 +354,9 @@ def states_of(
     run: xr.Dataset, begin: float, duration: float, intervals: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return q, dq/ds at the nodes and d2q/ds2 at the stages of a plan, from a simulation."""
-    from scipy.interpolate import CubicHermiteSpline, CubicSpline
-
     times = run.time.values
-    state = CubicHermiteSpline(times, run.q.values, run.qd.values)
-    rate = CubicSpline(times, run.qd.values)
+    state = interpolate.CubicHermiteSpline(times, run.q.values, run.qd.values)
+    rate = interpolate.CubicSpline(times, run.qd.values)
     nodes = begin + duration * np.linspace(0.0, 1.0, intervals + 1)
     stages = (nodes[:-1, None] + duration / intervals * GAUSS.c).ravel()
     curve = rate(stages, 1).reshape(intervals, len(GAUSS.c), -1)

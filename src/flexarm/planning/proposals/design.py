@@ -6,7 +6,7 @@ import os
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,7 @@ from flexarm.base.errors import (
     warn_caller,
     without_warnings,
 )
+from flexarm.base.late import xr
 from flexarm.base.writing.places import AnyPath, check_place, write_text
 from flexarm.cases.scenario.scenario import prepare
 from flexarm.cases.scenario.study import PreparedStudy
@@ -51,10 +52,6 @@ from flexarm.simulation.calls.compare import Evaluation, comparison, runs_of
 from flexarm.simulation.calls.metrics import length_text
 from flexarm.simulation.loop.stability import NO_INERTIA, with_inertia
 from flexarm.simulation.run.progress import Meter, Report, stage, unreported
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 #: Plants that are simulated: the model, and two that differ from it as far as possible.
 _SIMULATED = 3

@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from threading import Lock
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,7 @@ from flexarm.base.errors import (
     check_array,
     shown,
 )
+from flexarm.base.late import xr
 from flexarm.control.contract.base import Controller, Reference, check_controller, check_reference
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Hardware
@@ -48,9 +49,6 @@ from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import relative_tolerance, replaced
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.tolerance import reach_of
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 T = TypeVar("T")
 #: Arms with changed parameters that are kept, because runs often repeat the same parameters.

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from inspect import signature
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.base.arguments import check_kind, check_options
 from flexarm.base.errors import FlexarmWarning, InputError, Problem, public_call, shown, warn_caller
+from flexarm.base.late import xr
 from flexarm.base.processes import check_workers
 from flexarm.base.references import package_version
 from flexarm.control.contract.base import Controller, Reference
@@ -63,9 +64,6 @@ from flexarm.simulation.run.settings import (
     tolerances_of,
 )
 from flexarm.simulation.run.tolerance import reach_of
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Texts and counts of each run, with their meanings; the texts are those of a single result.
 TEXTS = {
@@ -188,8 +186,6 @@ class Recorder:
 
     def dataset(self, attributes: dict[str, Any]) -> xr.Dataset:
         """Return the labelled dataset."""
-        import xarray as xr
-
         variables, arm = dict[str, Any](), self._batch.runs.arms[0]
         for name, values in self._channels.items():
             dims = "run", "time", *CHANNELS[name].dims

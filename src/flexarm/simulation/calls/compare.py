@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from flexarm.base.errors import (
     warn_caller,
     without_warnings,
 )
+from flexarm.base.late import xr
 from flexarm.control.contract.base import Controller, Reference
 from flexarm.model import Change, Hardware, Load
 from flexarm.model.scenarios.scenario import DURATION
@@ -30,9 +31,6 @@ from flexarm.simulation.calls.metrics import METRICS, metrics_of
 from flexarm.simulation.calls.result import exceeded_bound
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.run.progress import Meter
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Difference of two times, as a fraction of the run, below which they are equal.
 _ROUNDING = 1e-9
@@ -173,8 +171,6 @@ def comparison(
     names: Mapping[str, Sequence[str]], evaluations: Iterable[Evaluation], progress: bool | None
 ) -> xr.Dataset:
     """Create the table of ``compare``."""
-    import xarray as xr
-
     shape = tuple(len(names[dim]) for dim in _DIMS)
     values = {metric.name: np.full(shape, np.nan) for metric in METRICS}
     failures, bent, unstable = np.full((3, *shape), "", dtype=object)

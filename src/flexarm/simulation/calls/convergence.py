@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from flexarm.base.errors import (
     warn_caller,
     without_warnings,
 )
+from flexarm.base.late import xr
 from flexarm.base.user_functions import FunctionError, call
 from flexarm.integrate import KennedyCarpenter5
 from flexarm.integrate.base import FloatArray
@@ -36,9 +37,6 @@ from flexarm.simulation.calls.run import simulated
 from flexarm.simulation.run.integrator_choice import explicit_work
 from flexarm.simulation.run.settings import RunSettings, replaced, with_keywords
 from flexarm.simulation.run.tolerance import fastest_frequency, reach_of, tolerance_of_request
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Accuracy over the reach by default: stiffness and deflections are rarely known better.
 _DEFAULT = 1e-4
@@ -448,8 +446,6 @@ class _Study:
 
     def table(self, chosen: Mesh) -> xr.Dataset:
         """Return the table of all runs, see `ConvergedRun`."""
-        import xarray as xr
-
         meshes = self.candidates
         runs, sizes = [self.run(mesh) for mesh in meshes], np.array([*map(self.sizes, meshes)])
         elements = [[_elements(*size) for size in self.sizes(mesh)] for mesh in meshes]

@@ -42,9 +42,6 @@ def inertial_channels(
         Channels ``joint_acceleration`` (samples, joints) rad/s^2, ``acceleration`` (samples,
         sensors) m/s^2 minus gravity, along the axis of each sensor, and ``angular_rate`` (samples,
         sensors) rad/s. Sensors turn with the section of the link.
-
-    Raises:
-        InputError: if a sensor is not on the arm.
     """
     situation = situation_of(simulate, arm, duration, None, arguments)
     run = situation.new_run(Meter("reading", False))

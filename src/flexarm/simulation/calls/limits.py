@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.bending import theory_error
 from flexarm.arm.observe import contact_values
 from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, LimitWarning
+from flexarm.base.late import xr
 from flexarm.control.contract.base import Controller, Reference, around
 from flexarm.control.hardware.measurement import Readings
 from flexarm.integrate.base import FloatArray
@@ -23,9 +24,6 @@ from flexarm.simulation.loop.control_loop import ClosedLoop
 from flexarm.simulation.run.channels import LIMITS
 from flexarm.simulation.run.stepping import Notices, Run
 from flexarm.simulation.run.validity import axial_loads
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 BoolArray = NDArray[np.bool_]
 #: Growth of an angle error at a limit of the motor that is reported, as a fraction of the largest

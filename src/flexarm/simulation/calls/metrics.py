@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.base.late import xr
 from flexarm.control.contract.base import Reference
 from flexarm.integrate.base import FloatArray
 from flexarm.motion import Motion
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 #: Divisor instead of zero: torques that never change have no activity.
 _NONE = np.finfo(float).tiny

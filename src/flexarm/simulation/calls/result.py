@@ -21,6 +21,7 @@ from flexarm.base.errors import (
     Problem,
     warn_caller,
 )
+from flexarm.base.late import xr
 from flexarm.base.references import package_version
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.compilation.cache import can_compile
@@ -31,8 +32,6 @@ from flexarm.simulation.run.channels import CHANNELS
 from flexarm.simulation.run.stepping import Run, section_channels
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from flexarm.simulation.loop.control_loop import ClosedLoop
 
 #: Channels of contacts, and all channels that need more than states and torques.
@@ -145,8 +144,6 @@ def _with_values(labels: xr.Dataset, values: dict[str, FloatArray]) -> xr.Datase
     third of the fixed time of a call. Here the constructor without checks is used, as in xarray's
     own methods. Datasets share indexes, which nothing changes in place.
     """
-    import xarray as xr
-
     variables = {
         name: xr.Variable(variable.dims, values[name], variable.attrs, fastpath=True)
         if name in values
@@ -186,8 +183,6 @@ def _names_of(arm: Arm) -> tuple[object, ...]:
 
 def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.Dataset:
     """Label the values of channels at times (samples,)."""
-    import xarray as xr
-
     variables = {
         name: (("time", *CHANNELS[name].dims), array, channel_labels(arm, name))
         for name, array in values.items()

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
+from typing import Any, TypeAlias, Unpack
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from flexarm.base.errors import (
     warn_caller,
     without_warnings,
 )
+from flexarm.base.late import xr
 from flexarm.base.user_functions import FunctionError
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.scenario import DURATION, FAILURE
@@ -54,9 +55,6 @@ from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, replaced, with_keywords
 from flexarm.simulation.run.stepping import Notices, Run
 from flexarm.simulation.run.tolerance import LEAST, reach_of, share_of_finer, tolerance_of_request
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: The result and the warnings of a run.
 _Outcome: TypeAlias = "tuple[xr.Dataset, Notices]"

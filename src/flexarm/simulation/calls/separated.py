@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,7 @@ from flexarm.base.errors import (
     public_call,
     warn_caller,
 )
+from flexarm.base.late import interpolate, xr
 from flexarm.linear import modes
 from flexarm.linear.small_deviations.along import (
     DeviationPath,
@@ -44,9 +45,6 @@ from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.result import make_result
 from flexarm.simulation.histories.piecewise import PiecewiseCubic, function_history
 from flexarm.simulation.run.tolerance import RTOL as CLOSE
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 METHODS = ("dynamic", "quasi_static")
 #: Two runs, one with half the step, must agree to this fraction of the largest deviation. The
@@ -210,8 +208,6 @@ def _quasi_static(
     model: Separation, times: FloatArray, until: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the quasi-static deflection, and its rate from splines between the breaks."""
-    from scipy.interpolate import CubicSpline
-
     _, _, K, r = SmoothMatrices(model).at(times)
     dq = model.bent(K, r)
     dqd = np.zeros_like(dq)
@@ -219,7 +215,7 @@ def _quasi_static(
     for a, b in pairwise(breaks):
         own = (times >= a) & ((times < b) | (b == until))
         if np.count_nonzero(own) >= 4:  # a not-a-knot spline needs four samples
-            dqd[own] = CubicSpline(times[own], dq[own])(times[own], 1)
+            dqd[own] = interpolate.CubicSpline(times[own], dq[own])(times[own], 1)
     return dq, dqd
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import xr
 from flexarm.control.filters.estimates import Estimates
 from flexarm.control.filters.estimator import StateEstimator
 from flexarm.integrate.base import FloatArray
@@ -29,9 +30,6 @@ from flexarm.model.paths import with_numbers
 from flexarm.model.quantities import Count, Positive
 from flexarm.simulation.calls.result import arm_of, make_result
 from flexarm.simulation.run.stepping import section_channels
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Classes of load of the rainflow count: ranges are rounded to this fraction of the largest one.
 _CLASSES = 4096
@@ -82,8 +80,6 @@ def stress(
 
     Stresses of shear and at notches are not included. Theory page "recursion", (R.40) to (R.43).
     """
-    import xarray as xr
-
     heights = np.atleast_1d(check_array("fibres", fibres, (-1,) * (np.ndim(fibres) > 0)))
     if np.any(np.abs(heights) > 1.0):
         hint = "The edge of a section is at 1, its neutral axis at 0."
@@ -173,8 +169,6 @@ def fatigue_damage(stress: xr.DataArray, detail_category: Positive) -> xr.DataAr
     million cycles on 5; ranges that a detail bears a hundred million times do no damage. No safety
     factor and no mean stress is applied. Package: fatpack.
     """
-    import xarray as xr
-
     curve, coarse = endurance_curve(detail_category), False
     check_kind("stress", stress, xr.DataArray, "a stress, as fa.stress returns it")
     if "time" not in stress.dims or stress.sizes["time"] < 3:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, Unpack
+from typing import NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +32,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import xr
 from flexarm.base.processes import usable_cores
 from flexarm.integrate.base import FloatArray, Status
 from flexarm.integrate.explicit_runge_kutta.runge_kutta import ExplicitRungeKutta
@@ -64,9 +65,6 @@ from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, with_keywords
 from flexarm.simulation.run.stepping import Run
 from flexarm.simulation.run.work import Checkpoints
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Steps in one call of a stepper.
 _STEPS = 4096
@@ -338,8 +336,6 @@ def goal_gradient(
     run, attributes = found.run, {} if errors is None else {"relative_error": float(errors[0])}
     if doubt:
         warn_caller(doubt, AccuracyWarning)
-    import xarray as xr
-
     own = coordinates_of(arm, run.sample_times)
     q, qd = (("coordinate", row) for row in found.state)
     variables = {"torque": (("sample", "joint"), found.torque), "initial": q, "initial_rate": qd}

@@ -70,7 +70,7 @@ _SAME = 1e-12
 #: Paths of numbers that are not those of the arm: of the state at the start, the torque samples,
 #: the force on the tip, and records of the environment.
 _STATE = re.compile(r"(initial|initial_rate)\[(\d{1,6})\]")
-_SAMPLE = re.compile(r"torque\[(\d{1,9})\]\[(\d{1,6})\]")
+SAMPLE = re.compile(r"torque\[(\d{1,9})\]\[(\d{1,6})\]")
 _TIP = re.compile(r"tip_force\[([012])\]")
 _RECORD = re.compile(r"(loads|contacts)\[(\d{1,6})\]\.(.+)")
 #: Channels that follow from q and qd alone.
@@ -212,14 +212,9 @@ def _is_slope(old: Array, far: Array, near: Array, slope: Array, change: float) 
     return bool(np.all(errors <= usual + _ROUNDED * np.maximum(np.abs(old), np.abs(near))))
 
 
-def has_samples(paths: Sequence[str]) -> bool:
-    """Return whether any path is that of a torque sample."""
-    return any(_SAMPLE.fullmatch(path) for path in paths)
-
-
 def is_of_arm(path: str) -> bool:
     """Return whether a path is that of a number of the arm."""
-    return not any(kind.fullmatch(path) for kind in (_STATE, _SAMPLE, _TIP, _RECORD))
+    return not any(kind.fullmatch(path) for kind in (_STATE, SAMPLE, _TIP, _RECORD))
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,7 +250,7 @@ class Parameters:
         nothing = no_change(self.inputs)
         if (place := _STATE.fullmatch(path)) is not None:
             return nothing._replace(state=self._unit_state(name, path, int(place[2]), place[1]))
-        if (place := _SAMPLE.fullmatch(path)) is not None:
+        if (place := SAMPLE.fullmatch(path)) is not None:
             return nothing._replace(torque=self._sample(name, path, int(place[1]), int(place[2])))
         if (place := _TIP.fullmatch(path)) is not None:
             if not self.tip_forces:

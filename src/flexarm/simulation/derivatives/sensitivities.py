@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import AccuracyWarning, InputError, Problem, public_call, warn_caller
+from flexarm.base.late import xr
 from flexarm.base.processes import usable_cores
 from flexarm.control.design.arm_scales import size_of_zero
 from flexarm.integrate.base import FloatArray
@@ -34,10 +35,10 @@ from flexarm.simulation.derivatives.differences import differences, local_slopes
 from flexarm.simulation.derivatives.dual_run import channel_derivatives, run_in_duals
 from flexarm.simulation.derivatives.loop_in_duals import loop_in_duals
 from flexarm.simulation.derivatives.parameters import (
+    SAMPLE,
     Parameters,
     check_channels,
     differentiated,
-    has_samples,
     is_of_arm,
     refuse_unsupported,
     simulated,
@@ -49,9 +50,6 @@ from flexarm.simulation.run.events import Event, Found, function_for
 from flexarm.simulation.run.progress import Meter
 from flexarm.simulation.run.settings import RunSettings, with_keywords
 from flexarm.simulation.run.stepping import Run
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Unit, meaning and axes of the variables of the events.
 EVENTS = {
@@ -254,7 +252,8 @@ def sensitivities(
     with Meter("differentiating", situation.settings.progress) as meter:
 
         def once(run: Situation, exactly: bool) -> _Derivatives:
-            known = simulated(run, has_samples(paths), meter, once=exactly)
+            by_samples = any(SAMPLE.fullmatch(path) for path in paths)
+            known = simulated(run, by_samples, meter, once=exactly)
             return _derivatives(known, paths, names)
 
         def apart(one: _Derivatives, other: _Derivatives) -> FloatArray:
@@ -304,8 +303,6 @@ def _derivatives(known: Parameters, paths: Sequence[str], names: Sequence[str]) 
 def _dataset(
     derivatives: _Derivatives, paths: Sequence[str], errors: FloatArray | None
 ) -> xr.Dataset:
-    import xarray as xr
-
     run, found = derivatives.run, derivatives.channels
     variables = {}
     for name in found[0]:

@@ -15,6 +15,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import check_joint
 from flexarm.base.arguments import check_choice, check_function, check_times, warn_of_degrees
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
+from flexarm.base.late import interpolate
 from flexarm.base.user_functions import call
 from flexarm.integrate.base import FloatArray
 from flexarm.kernels.columns import FREE
@@ -73,8 +74,6 @@ class PrescribedAngle:
             InputError: if the shapes do not match, the times do not increase, or ``ends`` is
                 unknown; during a run, if it exceeds a table with free ends.
         """
-        from scipy.interpolate import CubicSpline
-
         knots = check_array("times", times, (-1,))
         values = check_array("angles", angles, (knots.size,))
         warn_of_degrees(angles=values)
@@ -82,7 +81,7 @@ class PrescribedAngle:
         if knots.size < 2 or np.any(np.diff(knots) <= 0.0):
             rule = "be at least two, in increasing order"
             raise InputError(Problem("times", rule, shown(knots.tolist())))
-        spline = CubicSpline(knots, values, bc_type=ENDS[ends])
+        spline = interpolate.CubicSpline(knots, values, bc_type=ENDS[ends])
         angle, rate, acceleration = (_SplinePart(spline, k, ends == "rest") for k in range(3))
         return cls(angle, rate, acceleration, tuple(knots.tolist()))
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexarm.base.arguments import check_choice
 from flexarm.base.errors import InputError, Problem, check_array
+from flexarm.base.late import interpolate, linalg
 from flexarm.base.user_functions import FunctionError, call, call_many, first_failure
 
 #: Allowed error of the cubics, as a fraction of the integrator's tolerance, and its lower limit.
@@ -346,13 +347,11 @@ class Samples(NamedTuple):
 
 def _cubics(times: FloatArray, samples: FloatArray, edges: Sequence[int]) -> FloatArray:
     """Return the coefficients of splines between ``edges``, which are samples."""
-    from scipy.interpolate import CubicSpline
-
     coefficients = np.zeros((len(times) - 1, 4, samples.shape[1]))
     for first, last in pairwise(edges):
         piece = slice(first, last + 1)
         # SciPy orders (power falling, piece, joint); not-a-knot ends need four samples.
-        spline = CubicSpline(times[piece], samples[piece], bc_type="not-a-knot")
+        spline = interpolate.CubicSpline(times[piece], samples[piece], bc_type="not-a-knot")
         c = np.zeros((4, last - first, samples.shape[1]))
         c[4 - len(spline.c) :] = spline.c
         coefficients[first:last] = c[::-1].transpose(1, 0, 2)
@@ -365,8 +364,6 @@ def _collected_spline(pieces: FloatArray, rate: float) -> FloatArray:
     The coefficients follow from the slopes at the samples and those of the chords. The former
     satisfy the tridiagonal system of SciPy's ``CubicSpline``, here for equal distances.
     """
-    from scipy.linalg import solve_banded
-
     count = len(pieces)
     if count < 3:  # a parabola or a line
         units = _cubics(np.arange(count + 1) / rate, np.eye(count + 1), [0, count])
@@ -380,7 +377,7 @@ def _collected_spline(pieces: FloatArray, rate: float) -> FloatArray:
     bands = np.array([[1.0], [4.0], [1.0]]) * np.ones(count + 1)
     bands[1, [0, -1]] = 1.0
     bands[0, -1] = bands[2, 0] = 2.0
-    right = solve_banded((1, 1), bands, slope)
+    right = linalg.solve_banded((1, 1), bands, slope)
     chord[:-1] += 3.0 * right[1:-1]
     chord[1:] += 3.0 * right[1:-1]
     chord[[0, -1]] += 2.5 * right[[0, -1]]
@@ -492,10 +489,10 @@ class PiecewiseCubic:
 
     def means(self, edges: FloatArray) -> FloatArray:
         """Return the means (intervals, columns) between ascending times (intervals + 1,)."""
-        from scipy.interpolate import PPoly
-
         own = self.held_to(float(edges[-1]))
-        integral = PPoly(own.coefficients[:, ::-1].swapaxes(0, 1), own.breaks).antiderivative()
+        integral = interpolate.PPoly(
+            own.coefficients[:, ::-1].swapaxes(0, 1), own.breaks
+        ).antiderivative()
         return np.asarray(np.diff(integral(edges), axis=0) / np.diff(edges)[:, None])
 
     def shifted(self, values: FloatArray) -> PiecewiseCubic:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +32,7 @@ from flexarm.base.errors import (
     shown,
     without_warnings,
 )
+from flexarm.base.late import interpolate, linalg
 from flexarm.linear import modes
 from flexarm.linear.small_deviations.along import stage_times, torque_response
 from flexarm.model.quantities import Positive
@@ -53,9 +54,6 @@ from flexarm.simulation.inversion.torques import (
     spline_values,
 )
 from flexarm.simulation.run.settings import RunSettings, close, relative_tolerance, replaced
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
 
 #: Samples per knot of the torque's spline; a spline of order 6 through them is exact to 1e-6.
 _PER_KNOT = 8.0
@@ -101,7 +99,7 @@ class InversionReference(Motion):
     initial: FloatArray
     start_time: float
     duration: float
-    _coordinates: BSpline = field(repr=False)
+    _coordinates: interpolate.BSpline = field(repr=False)
     _joints: NDArray[np.intp] = field(repr=False)
     chain: RigidChain = field(init=False, repr=False)
 
@@ -138,8 +136,6 @@ def inversion_reference(
     supported: SupportedTorque | None = None,
 ) -> InversionReference:
     """Simulate an arm under the torques of an inversion and return its joint angles."""
-    from scipy.interpolate import make_interp_spline
-
     start, end = ends
     if supported is not None:
         arm = supported.support.arm
@@ -163,7 +159,7 @@ def inversion_reference(
     q = np.array(result.q.values)
     q[:, arm.joint_index] += np.outer(ease, arm.joint_angles(final) - angles[-1])
     still = [(1, np.zeros(arm.dof)), (2, np.zeros(arm.dof))]
-    spline = make_interp_spline(times + start, q, k=5, bc_type=(still, still))
+    spline = interpolate.make_interp_spline(times + start, q, k=5, bc_type=(still, still))
     span, joints = end - start, arm.joint_index
     return InversionReference(torque.motion, torque, initial, start, span, spline, joints)
 
@@ -381,15 +377,13 @@ class _Search:
 
     def run(self, reduction: float) -> tuple[_Judged, _Judged]:
         """Correct until errors are small enough or stop decreasing; return best and rigid run."""
-        from scipy.linalg import solve
-
         damping, steps = _DAMPING, 0
         best = rigid = self._judged(self.torque)
         allowed = [reduction * self.yardstick(error) for error in (rigid.tip, rigid.error)]
         gram, gradient = self._linear(best)
         while (best.tip > allowed[0] or best.error > allowed[1]) and damping <= _MOST_DAMPING:
             damped = gram + damping**2 * np.trace(gram) * np.eye(len(gram))
-            change = solve(damped, -gradient, assume_a="pos").reshape(-1, self.arm.n_joints)
+            change = linalg.solve(damped, -gradient, assume_a="pos").reshape(-1, self.arm.n_joints)
             coefficients = best.torque.coefficients.copy()
             coefficients[free_coefficients(best.torque.knots)] += change
             try:
@@ -419,8 +413,6 @@ class _Search:
 
     def without_support(self, supported: SupportedTorque) -> tuple[CorrectedTorque, float]:
         """Return the sum of torque and support as one torque, and its open-loop tip error, m."""
-        from scipy.interpolate import make_lsq_spline
-
         given, support = supported.torque, supported.support
         start, end = float(given.knots[0]), float(given.knots[-1])
         count = _FINER * (len(np.unique(given.knots)) - 1)
@@ -434,7 +426,7 @@ class _Search:
         rates = run.qd.values[inside][:, joint]
         added = given(times) - given.rigid(times)
         added += support.feedback(times, run.joint_angle.values[inside], rates)
-        coefficients = make_lsq_spline(times, added, knots, k=DEGREE).c
+        coefficients = interpolate.make_lsq_spline(times, added, knots, k=DEGREE).c
         torque = CorrectedTorque(given.rigid, knots, coefficients)
         try:
             alone = self._simulated(self.arm, torque, self.rate, rtol)

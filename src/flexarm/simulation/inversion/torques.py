@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
@@ -26,24 +26,20 @@ from flexarm.base.errors import (
     public_call,
     without_warnings,
 )
+from flexarm.base.late import interpolate, linalg
 from flexarm.linear import modes
 from flexarm.model.quantities import Positive
 from flexarm.motion import Motion
 from flexarm.motion.dynamics.dynamics_along import (
     MotionTorque,
     RigidTorque,
+    TipConstraint,
     driven_of,
     dynamics_along,
 )
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.run.settings import DEFAULTS, replaced
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-    from scipy.interpolate import BSpline
-
-    from flexarm.motion.dynamics.dynamics_along import TipConstraint
 
 #: Samples per radian of the fastest mode; the error of splines of order 6 is then below 1e-6.
 _SAMPLES = 2.0
@@ -66,7 +62,7 @@ class FlexibleTorque(MotionTorque):
     motion: Motion
     end: float
     initial: FloatArray
-    _splines: tuple[BSpline, ...]  # one between each two breaks
+    _splines: tuple[interpolate.BSpline, ...]  # one between each two breaks
     _edges: tuple[float, ...]
 
     def __repr__(self) -> str:
@@ -131,12 +127,12 @@ def flexible_torque(
     return FlexibleTorque(arm, motion, until, result.q.values[0], splines, edges)
 
 
-def _spline(times: FloatArray, values: FloatArray, a: float, b: float) -> BSpline:
+def _spline(times: FloatArray, values: FloatArray, a: float, b: float) -> interpolate.BSpline:
     """Interpolate the samples between two breaks, excluding those on the breaks."""
-    from scipy.interpolate import make_interp_spline
-
     own = (times > a) & (times < b) if a > 0.0 else times < b
-    return make_interp_spline(times[own], values[own], k=min(5, np.count_nonzero(own) - 1))
+    return interpolate.make_interp_spline(
+        times[own], values[own], k=min(5, np.count_nonzero(own) - 1)
+    )
 
 
 #: Eigenvalues with a real part below this fraction of their magnitude are vibrations that neither
@@ -174,17 +170,15 @@ class RestEnd(NamedTuple):
 
 def rest_end(constraint: TipConstraint, t: float) -> RestEnd:
     """Compute the equilibrium at a time at which the motion is at rest."""
-    from scipy.linalg import eigh, null_space
-
     arm = constraint.arm
     elastic = np.setdiff1d(np.arange(arm.dof), arm.joint_index)
     q = _rest(constraint, t, elastic)
     still = np.zeros((1, arm.dof))
     along = dynamics_along(arm, q[None], still, still)
-    free = null_space(constraint.misses(np.array([t]), q[None], along)[1][0])
+    free = linalg.null_space(constraint.misses(np.array([t]), q[None], along)[1][0])
     rows = along.force_by[0, elastic]
     K, D, M = (rows[:, level] @ free for level in range(3))
-    squared = eigh(rows[:, 0, elastic], rows[:, 2, elastic], eigvals_only=True)
+    squared = linalg.eigh(rows[:, 0, elastic], rows[:, 2, elastic], eigvals_only=True)
     zeros = finite_eigenvalues(M, D, K, float(np.sqrt(squared[-1])))
     return RestEnd(q, along.force[0, arm.joint_index], zeros)
 
@@ -198,13 +192,13 @@ def finite_eigenvalues(
     singular and some s are infinite. Rounding makes them finite, but much faster than anything in
     the arm that the matrices describe, which identifies them.
     """
-    from scipy.linalg import eigvals
-
     # Scale time by the fastest vibration, so that the blocks have similar magnitudes.
     none, one = np.zeros_like(M), np.eye(len(M))
     stiffness, damping = K / fastest**2, D / fastest
     left = np.block([[none, one], [-stiffness, -damping]])
-    above, below = eigvals(left, np.block([[one, none], [none, M]]), homogeneous_eigvals=True)
+    above, below = linalg.eigvals(
+        left, np.block([[one, none], [none, M]]), homogeneous_eigvals=True
+    )
     finite = np.abs(above) < _INFINITE * np.abs(below)
     values = fastest * above[finite] / below[finite]
     return np.asarray(values[np.argsort(np.abs(values))])
@@ -266,10 +260,8 @@ class CorrectedTorque(MotionTorque):
         return tuple(sorted({*self.rigid.breaks, float(self.knots[0]), float(self.knots[-1])}))
 
     def _at(self, times: FloatArray) -> FloatArray:
-        from scipy.interpolate import BSpline
-
         inside = np.clip(times, self.knots[0], self.knots[-1])
-        added: FloatArray = BSpline(self.knots, self.coefficients, DEGREE)(inside)
+        added: FloatArray = interpolate.BSpline(self.knots, self.coefficients, DEGREE)(inside)
         return self.rigid(times) + added
 
 
@@ -282,10 +274,8 @@ def spline_knots(start: float, end: float, spacing: float) -> FloatArray:
 
 def spline_values(knots: FloatArray, t: FloatArray) -> FloatArray:
     """Return the values (T, N + 3) of all B-splines at times (T,)."""
-    from scipy.interpolate import BSpline
-
     inside = np.clip(t, knots[0], knots[-1])
-    return np.asarray(BSpline.design_matrix(inside, knots, DEGREE).toarray())
+    return np.asarray(interpolate.BSpline.design_matrix(inside, knots, DEGREE).toarray())
 
 
 def free_coefficients(knots: FloatArray) -> slice:

@@ -28,18 +28,16 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.errors import InputError, Problem, check_array, shown
+from flexarm.base.late import xr
 from flexarm.control.contract.base import Controller, Reference
 from flexarm.control.hardware.measurement import Measurement, readings_by_name
 from flexarm.simulation.calls.result import add_readings
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Sequence numbers of the packets that end a run, and that request and grant one.
 END, START = -1, -2
@@ -178,12 +176,7 @@ def check_address(name: str, value: object) -> Address:
 
 
 class Datagrams:
-    """Datagrams to and from a partner.
-
-    Args:
-        address: of the partner; with ``listen``, of this side, whose datagrams go to the last
-            sender until `hold` is called.
-    """
+    """Datagrams to and from a partner, or with ``listen`` to the last sender until `hold`."""
 
     def __init__(self, address: Address, listen: bool) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

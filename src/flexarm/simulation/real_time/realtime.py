@@ -8,7 +8,7 @@ import math
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from flexarm.base.errors import (
     shown,
     warn_caller,
 )
+from flexarm.base.late import xr
 from flexarm.base.processes import single_threaded_algebra
 from flexarm.control.contract.base import (
     Controller,
@@ -69,9 +70,6 @@ from flexarm.simulation.real_time.partners import (
     torque_layout,
     updated,
 )
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Recorded channels. They depend on the coordinates only, so changes of the arm do not matter.
 _CHANNELS = (
@@ -326,8 +324,6 @@ class ControllerLoop:
 
     def _result(self, failure: str) -> xr.Dataset:
         """Return readings, torques and times of the samples."""
-        import xarray as xr
-
         torque = np.array(self._torques).reshape(len(self._torques), -1 if self._torques else 0)
         labels = {"units": "N m", "long_name": "torque requested by the controller"}
         run = xr.Dataset({"torque_command": (("tick", "joint"), torque, labels)})

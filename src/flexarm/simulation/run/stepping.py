@@ -419,10 +419,8 @@ class Run:
     def ended_by_event(self, system: System, status: Status) -> bool:
         """Search the computed samples for events; return whether one ended the run.
 
-        The event that ends the run becomes its last sample.
-
-        Raises:
-            SimulationError: if an event function fails; samples after the failure are dropped.
+        The event that ends the run becomes its last sample. If an event function fails, samples
+        after that are dropped.
         """
         if self.watch is None:
             return False

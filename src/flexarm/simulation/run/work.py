@@ -231,17 +231,13 @@ def choose(run: Run, history: PiecewiseCubic) -> None:
     changed = run.changes.times if run.changes is not None else np.zeros(0)
     stops = np.concatenate([run.loads.stops_with(history), changed])
     choice = choose_by_drive(run.choice, run.arm, stops, run.duration)
-    start = _start_of(run, history)
+    system = partial(system_of, run.arm, run.prescribed, run.loads, history)
+    start = Start(run.arm, run.progress.state, run.tolerance, run.duration, system)
     ends = run.watch is not None and any(event.terminal for event in run.watch.log.events)
     choice = choose_by_work(choice, start, open_end=ends or run.changes is not None)
     if choice is not run.choice:
         run.adopt(choice)
         run.doubt = choice.doubt
-
-
-def _start_of(run: Run, history: PiecewiseCubic) -> Start:
-    system = partial(system_of, run.arm, run.prescribed, run.loads, history)
-    return Start(run.arm, run.progress.state, run.tolerance, run.duration, system)
 
 
 def run_open_loop(

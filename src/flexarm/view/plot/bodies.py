@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +12,7 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.coordinates import station_of
 from flexarm.base.arguments import check_count
 from flexarm.base.errors import InputError, Problem, public_call_as
+from flexarm.base.late import xr
 from flexarm.simulation.calls.result import arm_of
 from flexarm.view.plot import style
 from flexarm.view.plot.drawn_result import (
@@ -28,9 +29,6 @@ from flexarm.view.plot.drawn_result import (
 )
 from flexarm.view.plot.magnified import Magnify, check_magnify
 from flexarm.view.plot.mechanism import Marks, marks_of
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _MOST = 200
 _SPAN: dict[str, Any] = {"color": style.SKY, "alpha": 0.25, "linewidth": 0.0}

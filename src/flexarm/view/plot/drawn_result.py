@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,14 +16,11 @@ from flexarm.arm.arm import Arm, shapes_along
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.base.arguments import check_dataset, check_kind
 from flexarm.base.errors import InputError, ModelError, Problem, nearest, shown
+from flexarm.base.late import xr
 from flexarm.model import Scenario, scenario_of_text
 from flexarm.simulation.calls.result import arm_of
 from flexarm.simulation.run.channels import CHANNELS
 from flexarm.view.plot.magnified import Magnify, automatic, bending_of
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 #: Default channels of `history` and `animate`.
 USUAL = ("joint_angle", "link_tip_deflection", "torque")
@@ -137,8 +134,6 @@ def several(name: str, given: object, result: xr.Dataset) -> list[Signals]:
 
 def named_results(results: object, most: int = _MOST_RESULTS) -> dict[str, xr.Dataset]:
     """Return results by name, from a mapping or a list; the names of a list are 1, 2, ...."""
-    import xarray as xr
-
     # A dataset is also a mapping, of its channels.
     if isinstance(results, Mapping) and not isinstance(results, xr.Dataset):
         named = dict(results)
@@ -211,8 +206,6 @@ def rigid_result(rigid: object, arm: Arm, result: xr.Dataset) -> RigidMotion | N
         for coordinate in arm.assembly.base:
             q[:, coordinate.place] = result["q"].values[:, coordinate.place]
         return RigidMotion(rigid_counterpart, result["time"].values, q)
-    import xarray as xr
-
     check_kind("rigid", rigid, xr.Dataset, "True, False or a result of simulate")
     run = check_drawable("rigid", rigid)
     return RigidMotion(arm_of("rigid", run), run["time"].values, run["q"].values)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from flexarm.base.arguments import check_choice, check_dataset, library_missing
 from flexarm.base.errors import InputError, Problem, public_call_as, shown
+from flexarm.base.late import xr
 from flexarm.view.plot import style
 from flexarm.view.plot.drawn_result import (
     Signals,
@@ -21,10 +22,6 @@ from flexarm.view.plot.drawn_result import (
     signals_of,
 )
 from flexarm.view.plot.palette import series_colors
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 #: Plotting libraries.
 BACKENDS = ("matplotlib", "plotly")

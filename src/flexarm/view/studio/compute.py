@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import orjson
@@ -18,6 +18,7 @@ from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.bending import one_warning
 from flexarm.base.errors import FlexarmError, FlexarmWarning, InputError, printable
+from flexarm.base.late import xr
 from flexarm.cases.scenario.scenario import Prepared, prepare
 from flexarm.control.analysis.margins import loop_margins
 from flexarm.linear import modes
@@ -31,9 +32,6 @@ from flexarm.view.plot.animation.scene import SceneOptions, player_data, scene_o
 from flexarm.view.plot.drawn_result import factor_of, rigid_result, several
 from flexarm.view.reporting import clock, error_panel, few_lines, report
 from flexarm.view.studio.state import Project
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: Limits that keep the picture of a run small: coordinates of all frames, intervals of a history.
 _MOST_COORDINATES, _INTERVALS = 47_000, 200

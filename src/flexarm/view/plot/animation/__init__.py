@@ -20,6 +20,7 @@ from flexarm.base.arguments import (
     check_number,
 )
 from flexarm.base.errors import InputError, Problem, public_call, shown
+from flexarm.base.late import xr
 from flexarm.base.writing.places import AnyPath, check_place, write_text, write_whole
 from flexarm.model import Contact
 from flexarm.model.quantities import Flag, Positive
@@ -38,8 +39,6 @@ from flexarm.view.plot.magnified import Magnify, check_magnify, nearest_round
 from flexarm.view.plot.palette import GREY, INK, SERIES
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from flexarm.view.plot.animation.frames import Picture
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from html import escape
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.assembly.surfaces import arc_of, course_of
 from flexarm.base.arguments import check_list_of
 from flexarm.base.errors import FlexarmError, InputError, Problem
+from flexarm.base.late import xr
 from flexarm.cases.scenario.references import motion_of
 from flexarm.control.contract.base import check_reference
 from flexarm.model import Contact, RoundWall, Surface, SurfaceTable, Wall
@@ -33,10 +34,6 @@ from flexarm.view.plot.drawn_result import (
 from flexarm.view.plot.magnified import Bending, Place, bending_of, straight_ends
 from flexarm.view.plot.mechanism import Marks, marks_of
 from flexarm.view.plot.palette import series_colors
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 #: Points along a link, enough for a smooth curve on a screen.
 STATIONS = 17

@@ -95,7 +95,7 @@ def groups_of(project: state.Project) -> list[Group]:
         if isinstance(record, StudySpec) and name in state.STUDIED:
             one = state.STUDIED[name]
             value = getattr(record, name)[getattr(project.choice, one)]
-            forms = field_forms(record, name).given[0].items()
+            forms = field_forms(type(record), name).given[0].items()
             described = _Value(value, forms, (one,), one, f"The {one} that is simulated.")
             groups.append(Group(_title(one), partial(of.group, described)))
         elif name not in ("arm", *SAMPLED):
@@ -145,7 +145,7 @@ class _Value:
 def _value_of(record: Record, name: str, path: Path) -> _Value:
     description = descriptions_of(type(record)).get(name, "")
     return _Value(
-        getattr(record, name), field_forms(record, name), (*path, name), name, description
+        getattr(record, name), field_forms(type(record), name), (*path, name), name, description
     )
 
 
@@ -358,7 +358,7 @@ def _few_numbers(values: tuple[Any, ...], form: Form) -> bool:
 def _has_points(record: Record) -> bool:
     """Whether the table of a record is a list of points, few enough for sliders."""
     name, *others = record._columns
-    value, form = getattr(record, name), field_forms(record, name).named("list")
+    value, form = getattr(record, name), field_forms(type(record), name).named("list")
     if others or form is None or form.items().named("pair") is None:
         return False
     return _few_numbers(value, form)

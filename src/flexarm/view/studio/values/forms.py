@@ -119,7 +119,8 @@ def _name_of(value: Any) -> str:
 
 
 @lru_cache(maxsize=2000)
-def _of_field(record: type[Record], name: str) -> Forms:
+def field_forms(record: type[Record], name: str) -> Forms:
+    """Return the forms of a field of a class of records."""
     return forms_of(record.model_fields[name])
 
 
@@ -175,7 +176,7 @@ def forms_at(record: Scenario | StudySpec, path: Path) -> Forms:
     forms: Forms | None = None
     for part in path:
         if isinstance(value, Record) and part in type(value).model_fields:
-            forms = _of_field(type(value), str(part))
+            forms = field_forms(type(value), str(part))
         elif forms is not None and isinstance(value, tuple | dict):
             form = forms.of(value)
             if form is None:
@@ -187,8 +188,3 @@ def forms_at(record: Scenario | StudySpec, path: Path) -> Forms:
     if forms is None:
         raise LookupError(path)
     return forms
-
-
-def field_forms(record: Record, name: str) -> Forms:
-    """Return the forms of a field of a record."""
-    return _of_field(type(record), name)

@@ -1,0 +1,28 @@
+"""SciPy and xarray, imported at their first use, because many calls and commands need neither."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__all__ = ["interpolate", "linalg", "optimize", "scipy", "xr"]
+
+
+class _Late:
+    """A module, imported when an attribute of it is first used."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, attribute: str) -> Any:
+        return getattr(import_module(self._name), attribute)
+
+
+if TYPE_CHECKING:
+    import scipy
+    import xarray as xr
+    from scipy import interpolate, linalg, optimize
+else:
+    scipy, xr = _Late("scipy"), _Late("xarray")
+    interpolate, linalg = _Late("scipy.interpolate"), _Late("scipy.linalg")
+    optimize = _Late("scipy.optimize")
