@@ -353,9 +353,8 @@ class _Search:
 
 #: Number of instants at which warnings look for the largest bending.
 _INSTANTS = 161
-#: Least motion of the tip by the joints over the largest, below which the arm is nearly straight.
-_STRAIGHT = 0.1
-_NEWTON_STEPS = 12
+#: Most steps, and motion of the tip by the joints over the largest of a nearly straight arm.
+_NEWTON_STEPS, _STRAIGHT = 12, 0.1
 #: Gauss points between two breaks of the bending.
 _POINTS = 32
 #: Amplitudes of the cosines in the window (C.15) for each order. The second one has no second
@@ -594,9 +593,7 @@ def _bending(
     worst = int(np.argmax(np.nan_to_num(size, nan=np.inf)))
     _, by = constraint.misses(times, rigid[0], dynamics_along(arm, rigid[0], qd, qdd))
     moved = np.linalg.svd(by[worst][:, arm.joint_index], compute_uv=False)
-    reason = "links bend too far for a quasi-static reference."
-    hint = "Move more slowly, or make the links stiffer."
-    if moved[-1] < _STRAIGHT * moved[0]:
-        reason = "the arm is nearly straight: its joints cannot compensate the bending there."
-        hint = "Avoid this posture."
-    raise SimulationError(float(times[worst]), reason, hint)
+    reason = "the arm is nearly straight: its joints cannot compensate the bending. Avoid this."
+    if moved[-1] >= _STRAIGHT * moved[0]:
+        reason = "links bend too far for such a reference. Move more slowly, or make them stiffer."
+    raise SimulationError(float(times[worst]), reason)
