@@ -11,12 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import turning_joints
 from flexarm.arm.closed import held_joints
 from flexarm.base.arguments import check_number, check_positive, check_times, warn_of_degrees
@@ -26,6 +25,9 @@ from flexarm.base.notebook import html_table
 from flexarm.motion.geometry.inverse_kinematics import RigidChain, rigid_chain
 from flexarm.motion.geometry.mechanism_path import Given, mechanism_path, quintic_table
 from flexarm.motion.timing import TimingLaw, timing_law
+
+if TYPE_CHECKING:
+    from flexarm.arm.arm import Arm
 
 Floats = NDArray[np.float64]
 

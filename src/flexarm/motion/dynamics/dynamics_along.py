@@ -6,12 +6,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.arm.assembly.kernel_view import KernelView
 from flexarm.arm.closed import gap_bias, held_joints, refuse_open, row_sizes
@@ -22,6 +20,11 @@ from flexarm.model.arm.spec import serial_only
 from flexarm.motion.dynamics.base_motion import BaseMotion, base_motion
 from flexarm.motion.geometry.inverse_kinematics import check_arm, tip_jacobian
 from flexarm.motion.motion import Floats, Motion, check_motion
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from flexarm.arm.arm import Arm
 
 
 class DynamicsAlong(NamedTuple):

@@ -23,18 +23,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
 from flexarm.arm.observe import tips_of
 from flexarm.base.arguments import check_posture
 from flexarm.base.errors import InputError, Problem, check_array, public_call, shown
 from flexarm.model.arm.spec import serial_only
 from flexarm.motion.geometry.mechanism_path import posture_near
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from flexarm.arm.arm import Arm
 
 
 @dataclass(frozen=True, eq=False)

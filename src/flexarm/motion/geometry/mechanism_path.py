@@ -12,10 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray, IntArray
@@ -27,6 +26,9 @@ from flexarm.base.late import interpolate
 from flexarm.model import Closure
 from flexarm.model.arm.spec import FREE_BASE, serial_only
 from flexarm.motion.dynamics.following_base import FollowingBase
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 #: Least singular value of J with respect to the joints that follow, in sizes: about the distance
 #: from a singular posture, in rad.

@@ -28,9 +28,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexarm.arm.arm import Arm
 from flexarm.base.arguments import warn_of_degrees
 from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.late import scipy
@@ -53,6 +51,10 @@ from flexarm.motion.timing import TimingLaw, timing_law
 from flexarm.motion.tip.tip_paths import TipPath, arc_path, line_path, polygon_path, spline_path
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from flexarm.arm.arm import Arm
+
     Posture = Callable[[Floats], Floats]
 
 

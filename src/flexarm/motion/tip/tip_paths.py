@@ -15,15 +15,18 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexarm.base.arguments import check_number, check_positive
 from flexarm.base.errors import InputError, Problem, check_array, shown
 from flexarm.base.late import interpolate
 from flexarm.motion.motion import Floats
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 
 #: Corners start by default at this fraction of the shorter of their two sides; half is the most.
 CORNER = 0.25

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.assemble import FloatArray
@@ -33,13 +33,17 @@ from flexarm.motion import Motion
 from flexarm.motion.dynamics.dynamics_along import (
     MotionTorque,
     RigidTorque,
-    TipConstraint,
     driven_of,
     dynamics_along,
 )
 from flexarm.motion.motion import check_motion
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.run.settings import DEFAULTS, replaced
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from flexarm.motion.dynamics.dynamics_along import TipConstraint
 
 #: Samples per radian of the fastest mode; the error of splines of order 6 is then below 1e-6.
 _SAMPLES = 2.0
