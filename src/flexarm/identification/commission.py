@@ -173,7 +173,8 @@ def commission(
     paths = result.parameters["parameter"].values.tolist()
     starts = np.array([work.sheet.get(path, without_error(path)) for path in paths], dtype=float)
     table = result.parameters.assign(start=("parameter", starts))
-    stated = {channel for record in fitted.values() for channel in record.settings.delays}
+    delays = [each for record in fitted.values() for each in record.settings.delays.items()]
+    stated = {channel for channel, delay in delays if delay}
     findings += [*_named(table, stated), *_scaled(table, work.free)]
     return replace(result, parameters=table, stages=work.stages(), findings=tuple(findings))
 

@@ -28,9 +28,7 @@ class Precision(NamedTuple):
     deviations: float  # change of the estimates by a Gauss-Newton step, in standard deviations
 
 
-COARSE, _FINE = Precision(1e-3, 0.3), Precision(1e-6, 0.03)
-#: That of a fit from the result of one with larger tolerances of the runs.
-_ENOUGH = Precision(1e-6, 0.1)
+COARSE, _FINE = Precision(1e-3, 0.1), Precision(1e-6, 0.01)
 #: Part of the distance of a start from a fit within which a search ends at that fit.
 _NEARBY = 0.1
 
@@ -99,12 +97,6 @@ class FitProblem:
             return None
         short = [run for run in runs if run is not None]
         return FitProblem(self.space, short, self._watch) if len(short) == len(runs) else None
-
-    def coarse(self) -> FitProblem | None:
-        """Return the problem with larger tolerances of the runs; None if they are as large."""
-        runs = [run.coarse() for run in self.runs]
-        same = all(run is other for run, other in zip(runs, self.runs, strict=True))
-        return None if same else FitProblem(self.space, runs, self._watch)
 
     def remaining(self, scaled: FloatArray, rows: FloatArray) -> float:
         """Return the change by a Gauss-Newton step, in standard deviations of the estimates.
@@ -308,24 +300,11 @@ def fit_from(
         if first_outputs is not None:
             scaled = ahead
             outputs, _ = problem.tune(problem.vector(ahead), first_outputs, robust)
-    first = COARSE if problem.noise.keys() - problem.fixed else precision
-    return _in_rounds(problem, scaled, outputs, loss, left, first, precision)
-
-
-def _in_rounds(
-    problem: FitProblem,
-    scaled: FloatArray,
-    outputs: list[FloatArray],
-    loss: str,
-    left: int,
-    first: Precision,
-    precision: Precision,
-) -> Fit:
-    """Fit from changes with known outputs, in rounds in which the noise is estimated anew."""
-    robust, converged, change = loss != "linear", True, 0.0
+    free = problem.noise.keys() - problem.fixed
+    converged, change = True, 0.0
     for attempt in range(_ROUNDS):
-        ends = precision if attempt else first
-        scaled, converged, used = _minimum(problem, scaled, loss, left, ends)
+        rough = COARSE if free and attempt == 0 else precision
+        scaled, converged, used = _minimum(problem, scaled, loss, left, rough)
         left -= used
         vector = problem.vector(scaled)
         outputs, change = problem.tune(vector, problem.outputs(vector) or outputs, robust)
@@ -397,22 +376,6 @@ def _minimum(
             raise
         return accepted[-1], False, iterations
     return solution.x - shift, solution.status > 0, int(solution.nfev)
-
-
-def finished(problem: FitProblem, fit: Fit, loss: str, iterations: int) -> Fit:
-    """Return the fit of a problem, from one with larger tolerances of the runs.
-
-    Estimates that errors of the runs hardly change remain.
-    """
-    problem.restore(fit)
-    scaled, outputs = problem.scaled(fit.vector), problem.outputs(fit.vector)
-    if outputs is None:
-        return fit_from(problem, fit.vector, loss, iterations)
-    problem.evaluations = fit.evaluations
-    left = iterations - fit.evaluations
-    if left < 1:
-        return problem.fit(fit.vector, outputs, fit.converged)
-    return _in_rounds(problem, scaled, outputs, loss, left, _ENOUGH, _ENOUGH)
 
 
 def other_fits(

@@ -140,9 +140,7 @@ def identify(
             is estimated anew. Intervals of parameters that the data do not determine are computed
             after the fit: by up to ten short fits for each end, of at most six parameters.
         contacts: of all runs, as in ``simulate``. Prediction errors do not support them.
-        integrator, step, rtol, atol, settings: of runs, as in ``simulate``. A search takes a
-            relative tolerance of 1e-4 if ``rtol`` is smaller. It goes on with ``rtol`` if the
-            estimates then change by more than a tenth of their standard deviations.
+        integrator, step, rtol, atol, settings: of all runs, as in ``simulate``.
         progress: True prints the fit of each channel after each evaluation; None does so on a
             terminal.
 
@@ -190,23 +188,20 @@ def identified(
     """Return the result of a fit, with the warnings of ``identify``."""
     problem, others, parameters = prepared
     space, runs = problem.space, problem.runs
-    rough = problem.coarse() or problem
-    tried = _fits(problem, rough, 1 if starts is None else starts, random, loss, iterations)
-    best, assessment = _best(problem, rough, tried, loss, iterations)
+    tried = _fits(problem, 1 if starts is None else starts, random, loss, iterations)
+    best, assessment = _best(problem, tried, loss)
     doubtful = assessment.undetermined or related(assessment.parameters)
     if starts is None and best.converged and doubtful:
         direction = weakest_direction(problem, assessment.parameters)
-        first = min(tried, key=_cost_of)
-        assert first is not None
-        tried += fitting.other_fits(rough, first, direction, loss, iterations)
-        if min(tried, key=_cost_of) is not first:
-            best, assessment = _best(problem, rough, tried, loss, iterations)
+        tried += fitting.other_fits(problem, best, direction, loss, iterations)
+        if min(tried, key=_cost_of) is not best:
+            best, assessment = _best(problem, tried, loss)
     shared = space.case(None, best.vector)
     estimated = Arm(shared.spec)
     table = assessment.parameters
     simulated = best.converged and loss == LOSSES[0] and not isinstance(runs[0], PredictedRun)
     if simulated and assessment.weak:
-        table = profiled(rough, min(tried, key=_cost_of) or best, assessment)
+        table = profiled(problem, best, assessment)
     predicted = [_predicted(run, estimated, shared, parameters, best, iterations) for run in others]
     errors = [
         None
@@ -382,28 +377,17 @@ def _check_rates(runs: Sequence[RecordRun]) -> None:
 
 
 def _fits(
-    problem: fitting.FitProblem,
-    rough: fitting.FitProblem,
-    count: int,
-    random: np.random.Generator,
-    loss: str,
-    iterations: int,
+    problem: fitting.FitProblem, count: int, random: np.random.Generator, loss: str, iterations: int
 ) -> list[fitting.Fit | None]:
-    """Return the fits of the ``rough`` problem from all starts, None for those that failed.
-
-    Where it has no derivatives, they are those of the problem.
-    """
+    """Return the fits of all starts, None for those that failed."""
     fits: list[fitting.Fit | None] = []
     for k in range(count):
         start = problem.space.start if k == 0 else random_start(problem.space, random)
-        fit = None
-        for runs in (rough, problem) if rough is not problem else (problem,):
-            try:
-                fit = fitting.fit_from(runs, start, loss, iterations)
-                break
-            except fitting.FitFailure as error:
-                problem.failure = str(error)
-        fits.append(fit)
+        try:
+            fits.append(fitting.fit_from(problem, start, loss, iterations))
+        except fitting.FitFailure as error:
+            problem.failure = str(error)
+            fits.append(None)
     if not any(fits):
         raise SimulationError(0.0, f"no start of the fit can be simulated. {problem.failure}")
     return fits
@@ -414,20 +398,11 @@ def _cost_of(fit: fitting.Fit | None) -> float:
 
 
 def _best(
-    problem: fitting.FitProblem,
-    rough: fitting.FitProblem,
-    fits: Sequence[fitting.Fit | None],
-    loss: str,
-    iterations: int,
+    problem: fitting.FitProblem, fits: Sequence[fitting.Fit | None], loss: str
 ) -> tuple[fitting.Fit, Assessment]:
-    """Return the fit with the largest likelihood, with accurate runs, and its assessment.
-
-    ``fits`` are those of the ``rough`` problem, whose runs may have larger tolerances.
-    """
+    """Return the fit with the largest likelihood, and its assessment."""
     best = min(fits, key=_cost_of)
     assert best is not None
-    if rough is not problem:
-        best = fitting.finished(problem, best, loss, iterations)
     problem.restore(best)
     return best, assessed(problem, best, loss)
 

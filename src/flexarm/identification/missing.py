@@ -180,8 +180,7 @@ def _fit_of_wider(
 
     ``loose``: without bounds and priors.
     """
-    runs = [run.coarse() for run in problem.runs]
-    rival = FitProblem(problem.space.wider(case, paths, loose), runs, None, problem.noise)
+    rival = FitProblem(problem.space.wider(case, paths, loose), problem.runs, None, problem.noise)
     slots = zip(problem.space.slots, fit.vector.tolist(), strict=True)
     estimates = {slot.name: value for slot, value in slots}
     start = [estimates.get(slot.name, slot.start) for slot in rival.space.slots]

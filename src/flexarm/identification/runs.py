@@ -154,15 +154,10 @@ class RecordRun:
         return type(self)(self.name, part, self._arm, self._options)
 
     def coarse(self) -> RecordRun:
-        """Return the run with larger tolerances, whose errors are far below those of readings.
-
-        It is the same if its tolerances are as large, or its step is constant.
-        """
-        constant = self._options.get("step") is not None or self._options.get("integrator") == "rk4"
-        if constant or (self._options.get("rtol") or 0.0) >= COARSE:
-            return self
+        """Return the run with larger tolerances, whose errors are far below those of readings."""
         run = copy(self)
-        run._options = {**self._options, "rtol": COARSE, "atol": None}
+        if self._options.get("step") is None and self._options.get("integrator") != "rk4":
+            run._options = {**self._options, "rtol": max(self._options.get("rtol") or 0.0, COARSE)}
         return run
 
     def _history(self, samples: FloatArray, late: float = 0.0) -> PiecewiseCubic:

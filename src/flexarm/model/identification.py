@@ -266,7 +266,7 @@ class FitSettings(Record):
     step: Positive | None = None
     """Fixed step of the integrator (s)."""
     rtol: Positive = 1e-7
-    """Relative tolerance of a step; searches take 1e-4 if it is smaller, and then end with it."""
+    """Relative tolerance of a step."""
     atol: Positive | None = None
     """Absolute tolerance at the tip (m); by default rtol / 100 of the reach."""
 

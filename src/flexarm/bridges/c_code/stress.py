@@ -85,7 +85,7 @@ def stress_points(
             raise InputError(Problem("detail_category", "needs stations of the stress", hint=hint))
         return None
     if filtered and _shapes(filtered) != _shapes(model.arm):
-        rule = "need a filter whose links have the elements and modes of the arm"
+        rule = "need a filter with the coordinates of the arm: its elements, modes and joints"
         hint = "Export the arm of the filter."
         raise InputError(Problem("stations", rule, hint=hint))
     for k, path in enumerate(model.parameters):
@@ -102,7 +102,8 @@ def stress_points(
 
 
 def _shapes(arm: Arm) -> list[tuple[object, ...]]:
-    return [(link.elements, link.modes, link.segments, link.flexible) for link in arm.spec.links]
+    links = [(link.elements, link.modes, link.segments, link.flexible) for link in arm.spec.links]
+    return [*links, *((joint.elastic, joint.fixed) for joint in arm.spec.joints)]
 
 
 def stress_function(model: CasadiModel, points: StressPoints) -> NamedFunction:
