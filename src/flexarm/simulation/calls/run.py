@@ -39,7 +39,6 @@ from flexarm.simulation.calls.limits import (
 from flexarm.simulation.calls.preparation import (
     RunArguments,
     Situation,
-    are_samples,
     implausible_run,
     situation_of,
 )
@@ -214,9 +213,7 @@ def _warned(situation: Situation) -> xr.Dataset:
             result, notices = _executed(meter, situation)
         else:
             (result, notices), doubt = _verified(meter, situation, accuracy)
-    # A user who gives the rate, or torques at that rate, chooses the samples.
-    chosen = situation.settings.rate is not None or are_samples(situation.torque)
-    aliased = "" if chosen else aliased_vibration(result)
+    aliased = aliased_vibration(result) if situation.settings.rate is None else ""
     if doubts := list(filter(None, (doubt, aliased))):
         notices = [*notices, *((text, AccuracyWarning) for text in doubts)]
         result.attrs["warning"] = " ".join(text for text, _ in notices)
