@@ -37,9 +37,6 @@ _BLIND = 0.1
 #: Depth in a stop that is reported: fraction of the range of the joint, between two angles (rad).
 #: Depth of a contact that is reported: fractions of the reach, and of the radius of a post.
 _OF_RANGE, _TURNED, _OF_REACH, _OF_RADIUS = 0.25, (0.1, 0.35), 0.1, 0.5
-#: Least amplitude of aliased vibration that matters, over the largest deflection and over the
-#: tolerance; the fewest samples that show it; and the recommended samples in a period.
-_SEEN, _OF_TOLERANCE, _FEWEST, _PER_PERIOD = 0.01, 10.0, 20, 10.0
 #: Stride of the samples that are examined before all are.
 _STRIDE = 8
 
@@ -207,37 +204,6 @@ def deep_contact(arm: Arm, placed: Contacts, states: FloatArray) -> str:
         f"{depth[worst] / reach:.0%} of the reach of the arm: raise its stiffness, or check the "
         "surface, its normal and the load."
     )
-
-
-def aliased_vibration(result: xr.Dataset) -> str:
-    """Describe vibration of the links that the samples of a result alias; empty if none matters.
-
-    Aliasing leaves the ratio of the sampled rates and deflections, which is the true frequency.
-    """
-    times, tolerance = result["time"].values, _OF_TOLERANCE * float(result.attrs["atol"])
-    if len(times) < 3:
-        return ""
-    step = float(np.median(np.diff(times)))
-    # Steps that are longer than a quarter of a period do not contain the vibration.
-    highest = float(result.attrs["steps"]) / (4.0 * times[-1])
-    names = "link", "link_tip_deflection", "link_tip_deflection_rate"
-    for link, deflection, rate in zip(*(result[name].values.T for name in names), strict=True):
-        least = _SEEN * np.abs(deflection).max() + tolerance
-        # Vibration above half the rate of samples has at most the amplitude |rate| step / pi, m.
-        seen = np.abs(rate[1:]) * step > np.pi * least
-        if np.count_nonzero(seen) < _FEWEST:
-            continue
-        sizes = (float(np.median(np.abs(np.diff(each)[seen]))) for each in (rate, deflection))
-        pulsation = next(sizes) / max(next(sizes), np.finfo(float).tiny)  # rad/s
-        frequency = pulsation / (2.0 * np.pi)
-        large = np.sqrt(2.0 * np.mean(rate[1:][seen] ** 2)) > pulsation * least
-        if large and 0.5 / step < frequency < highest:
-            return (
-                f"link {link} vibrates at about {frequency:.2g} Hz, but the result has only "
-                f"{1.0 / step:.6g} samples per second, which show a slower vibration. Use rate= "
-                f"of {_PER_PERIOD * frequency:.1g} or more, with a shorter duration if needed."
-            )
-    return ""
 
 
 def limits_of_run(

@@ -30,12 +30,7 @@ from flexarm.base.late import xr
 from flexarm.base.user_functions import FunctionError
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.scenario import DURATION, FAILURE
-from flexarm.simulation.calls.limits import (
-    add_limits,
-    aliased_vibration,
-    limits_of_run,
-    notices_of,
-)
+from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
 from flexarm.simulation.calls.preparation import (
     RunArguments,
     Situation,
@@ -213,9 +208,8 @@ def _warned(situation: Situation) -> xr.Dataset:
             result, notices = _executed(meter, situation)
         else:
             (result, notices), doubt = _verified(meter, situation, accuracy)
-    aliased = aliased_vibration(result) if situation.settings.rate is None else ""
-    if doubts := list(filter(None, (doubt, aliased))):
-        notices = [*notices, *((text, AccuracyWarning) for text in doubts)]
+    if doubt:
+        notices = [*notices, (doubt, AccuracyWarning)]
         result.attrs["warning"] = " ".join(text for text, _ in notices)
     for text, category in notices:
         warn_caller(text, category)
