@@ -21,6 +21,8 @@ class _Late:
         return import_module(self._name)
 
     def __getattr__(self, attribute: str) -> Any:
+        if attribute.startswith("__"):  # of copies, which are made without a name
+            raise AttributeError(attribute)
         return getattr(self._module, attribute)
 
 
