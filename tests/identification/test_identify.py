@@ -393,7 +393,7 @@ def test_filters_of_the_instruments_do_not_bias_the_estimates():
     told = fa.MeasuredRecord(data, bench.settings.replace(filters={"strain": [slow]}))
     found = fa.identify(arm_of(ONE), told, free, progress=False)
     plain = fa.MeasuredRecord(data, bench.settings)
-    with pytest.warns(fa.AccuracyWarning, match="delay of strain_1"):
+    with pytest.warns(fa.ConvergenceWarning):  # the noise of the strain changes in every round
         wrong = fa.identify(arm_of(ONE), plain, free, progress=False)
     assert found[free[1]] == pytest.approx(1e-3, rel=0.01)
     assert abs(wrong[free[1]] / 1e-3 - 1.0) > 0.02
