@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,18 +19,8 @@ from flexarm.integrate.base import FloatArray
 _ROUNDS, _SETTLED = 6, 0.03
 #: First guess of the noise of a channel, and its lowest value, as fractions of its signal.
 _GUESS, _LEAST = 0.1, 1e-7
-
-
-class Precision(NamedTuple):
-    """What ends a search."""
-
-    relative: float  # change of the sum of squares or of the parameters
-    deviations: float  # change of the estimates by a Gauss-Newton step, in standard deviations
-
-
-COARSE, _FINE = Precision(1e-3, 0.1), Precision(1e-6, 0.01)
-#: Part of the distance of a start from a fit within which a search ends at that fit.
-_NEARBY = 0.1
+#: Relative changes of the sum of squares or of the parameters that end the fit.
+COARSE, _FINE = 1e-3, 1e-6
 
 #: First step of a search, in scales of the parameters.
 _FIRST = 0.3
@@ -97,19 +87,6 @@ class FitProblem:
             return None
         short = [run for run in runs if run is not None]
         return FitProblem(self.space, short, self._watch) if len(short) == len(runs) else None
-
-    def remaining(self, scaled: FloatArray, rows: FloatArray) -> float:
-        """Return the change by a Gauss-Newton step, in standard deviations of the estimates.
-
-        ``rows`` are the derivatives of ``residuals``, which have been computed before.
-        """
-        vector = self.vector(scaled)
-        outputs = self.outputs(vector)
-        if outputs is None:
-            return np.inf
-        residuals = self.weighted(vector, outputs)
-        step = np.linalg.lstsq(rows, residuals, rcond=None)[0]
-        return float(np.linalg.norm(rows @ step) / (np.sqrt(np.mean(residuals**2)) or 1.0))
 
     def prepare(self, vector: FloatArray) -> None:
         """Return to the first guess of the noise, before a fit that starts at ``vector``."""
@@ -201,9 +178,6 @@ class FitProblem:
             slopes = output_derivatives(run, self.space, k, vector, places)
             if isinstance(slopes, str):
                 raise FitFailure(f"{run.name}: {slopes}")
-            with np.errstate(over="ignore"):  # those of steps that are much too long
-                if not np.isfinite(np.sum(slopes**2)):
-                    raise FitFailure(f"{run.name}: the derivatives are not finite")
             every.append(slopes)
         self._last = vector, every
         return every
@@ -280,7 +254,7 @@ def fit_from(
     start: FloatArray,
     loss: str,
     iterations: int,
-    precision: Precision = _FINE,
+    precision: float = _FINE,
 ) -> Fit:
     """Fit from a vector of parameters, with the noise of the channels estimated in between."""
     scaled, robust = problem.scaled(start), loss != "linear"
@@ -293,13 +267,12 @@ def fit_from(
     # in phase there, so that it has fewer wrong minima.
     early, left = problem.beginning(), iterations
     if early is not None:
-        ahead, _, used = _minimum(early, scaled, loss, max(1, left // 2), COARSE)
+        first, _, used = _minimum(early, scaled, loss, max(1, left // 2), COARSE)
         left = max(1, left - used)
-        problem.evaluations += used
-        first_outputs = problem.outputs(problem.vector(ahead))
+        first_outputs = problem.outputs(problem.vector(first))
         if first_outputs is not None:
-            scaled = ahead
-            outputs, _ = problem.tune(problem.vector(ahead), first_outputs, robust)
+            scaled = first
+            outputs, _ = problem.tune(problem.vector(first), first_outputs, robust)
     free = problem.noise.keys() - problem.fixed
     converged, change = True, 0.0
     for attempt in range(_ROUNDS):
@@ -313,22 +286,10 @@ def fit_from(
     return problem.fit(problem.vector(scaled), outputs, converged and change < _SETTLED)
 
 
-class _Ended(Exception):
-    """A search ends at a vector, since it would hardly go on or is near a fit."""
-
-
 def _minimum(
-    problem: FitProblem,
-    scaled: FloatArray,
-    loss: str,
-    iterations: int,
-    precision: Precision,
-    near: Callable[[FloatArray], bool] = lambda _: False,
+    problem: FitProblem, scaled: FloatArray, loss: str, iterations: int, precision: float
 ) -> tuple[FloatArray, bool, int]:
-    """Return the changes with the smallest residuals, whether the search converged, evaluations.
-
-    It ends, without convergence, where ``near`` says so of changes.
-    """
+    """Return the changes with the smallest residuals, whether the search converged, evaluations."""
     # The reflective trust-region method of SciPy shortens a step whose residuals are infinite. It
     # cannot go on from a vector without derivatives, so the search ends at the vector before.
     # FitFailure if the start has no derivatives.
@@ -344,14 +305,8 @@ def _minimum(
     def jacobian(place: FloatArray) -> FloatArray:
         rows = problem.jacobian(place - shift)
         accepted.append(place - shift)
-        close = near(accepted[-1])
-        # Weights of a robust loss are SciPy's.
-        settled = loss == "linear" and problem.remaining(accepted[-1], rows) < precision.deviations
-        if close or settled:
-            raise _Ended(settled and not close)
         return rows
 
-    before = problem.evaluations
     try:
         # The method requires a start strictly between the bounds.
         room = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
@@ -364,13 +319,11 @@ def _minimum(
             method="trf",
             x_scale="jac",
             loss=loss,
-            ftol=precision.relative,
-            xtol=precision.relative,
+            ftol=precision,
+            xtol=precision,
             gtol=1e-12,
             max_nfev=iterations,
         )
-    except _Ended as end:
-        return accepted[-1], bool(end.args[0]), problem.evaluations - before
     except FitFailure:
         if not accepted:
             raise
@@ -383,29 +336,15 @@ def other_fits(
 ) -> list[Fit]:
     """Return coarse fits that start on both sides of a fit, but full ones if they are better.
 
-    ``direction`` (parameters,) is the change of the parameters to one side. A search that returns
-    to the fit ends near it.
+    ``direction`` (parameters,) is the change of the parameters to one side.
     """
     fits = []
     lower, upper = problem.space.bounds
-    problem.restore(best)
-    rows = problem.rows(problem.scaled(best.vector))
-
-    def distance(scaled: FloatArray) -> float:
-        return float(np.linalg.norm(rows @ (problem.vector(scaled) - best.vector)))
-
-    def is_near(limit: float) -> Callable[[FloatArray], bool]:
-        return lambda scaled: distance(scaled) < limit
-
     for sign in (-1.0, 1.0):
         problem.restore(best)
         start = problem.scaled(np.clip(best.vector + sign * direction, lower, upper))
-        near = is_near(_NEARBY * distance(start))
         try:
-            scaled, converged, _ = _minimum(problem, start, loss, iterations, COARSE, near)
-            if near(scaled):
-                fits.append(best)
-                continue
+            scaled, converged, _ = _minimum(problem, start, loss, iterations, COARSE)
             vector = problem.vector(scaled)
             outputs = problem.outputs(vector)
             if outputs is None:

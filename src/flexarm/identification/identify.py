@@ -125,7 +125,7 @@ def identify(
             around the values of the arm. The result is that with the largest likelihood. By default
             one, and two more if it has converged, but the data do not determine a parameter or
             estimates correlate by more than 0.8: on both sides of the result in the direction that
-            the data determine least. A search that returns to the result ends near it.
+            the data determine least.
         seed: of the random starts.
         loss: "linear", or a loss that is robust to outliers: "soft_l1", "huber" or "cauchy".
         method: "output_error" fits the simulated channels. "prediction_error" fits the predictions
