@@ -155,6 +155,44 @@ def test_torques_that_act_before_their_record_have_a_negative_delay():
     assert np.all(deviations < [3e-4, 5e-3])
 
 
+@pytest.mark.thorough
+def test_a_late_torque_is_not_taken_for_late_readings():
+    """The joint turns freely for 3 s. Runs at ``rtol=1e-4`` err by eight times the resolution of
+    the encoder there, and the strain was named late in place of the torque."""
+
+    def build(rigidity, distance, coefficient, **joint):
+        gauge = fa.Gauge(station=0.05, distance=distance)
+        rod = {"length": 0.55, "mass_per_length": 0.5, "elements": 2, "gauges": [gauge]}
+        rod["damping"] = fa.RayleighDamping(stiffness_coefficient=coefficient)
+        link, joint = fa.Link(flexural_rigidity=rigidity, **rod), fa.Joint(**joint)
+        return fa.Arm(links=[link], joints=[joint], payload=fa.Payload(mass=0.2))
+
+    true = build(14.0, 1.5e-3, 9e-4, hub_inertia=0.02, damping=0.05, friction={"coulomb": 0.08})
+    sheet = build(16.1, 1.65e-3, 5e-4, hub_inertia=0.023, damping=0.043)
+    random, late = np.random.default_rng(3), 0.004
+    hertz = 0.4 + 0.9 * np.arange(12) + random.uniform(0.0, 0.2, 12)
+    phase = random.uniform(0.0, 2.0 * np.pi, 12)
+
+    def torque(t):
+        return [0.25 * min(1.0, t / 0.1) * np.sin(2.0 * np.pi * hertz * t + phase).sum()]
+
+    run = fa.simulate(true, 3.0, torque=lambda t: torque(max(t - late, 0.0)), rate=500.0)
+    data = run[["joint_angle", "strain", "torque"]].copy(deep=True)
+    step = 2.0 * np.pi / 8192
+    data["joint_angle"].values[:] = np.round(data["joint_angle"].values / step) * step
+    data["strain"].values[:] += random.normal(0.0, 1.5e-6, data["strain"].shape)
+    data["torque"].values[:] = [torque(t) for t in data["time"].values]
+    data["torque"].values[:] += random.normal(0.0, 2e-3, data["torque"].shape)
+    measured = fa.MeasuredRecord(data, outputs=["joint_angle", "strain"], interpolation="cubic")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", fa.FlexarmWarning)
+        model = fa.commission(sheet, measured, progress=False)
+    (sentence,) = [text for text in model.findings if "is late" in text]
+    assert sentence.startswith("The torque is late by about 0.004")
+    assert model[RIGIDITY] == pytest.approx(14.0, rel=0.02)
+    assert model["joints[0].hub_inertia"] == pytest.approx(0.02, rel=0.02)
+
+
 @pytest.mark.parametrize(("channel", "stated"), [("torque", 0.01), ("strain", 0.01)])
 def test_errors_of_stated_delays_are_named_relative_to_them(channel, stated):
     """Planted: torque or strain are 5 ms late, and the settings say 10 ms."""

@@ -57,8 +57,9 @@ _ASTRAY = 10.0 * np.pi
 #: Evaluations of the dynamics times coordinates of a fit, about ten seconds; and runs of a fit for
 #: each free number.
 _LONG, _RUNS = 3e7, 10.0
-#: Relative tolerance of coarse runs.
-COARSE = 1e-4
+#: Relative tolerance of coarse runs. At 1e-4, joints that turn freely err by more than the noise of
+#: an encoder, and faults are taken for others.
+COARSE = 1e-5
 
 
 class RecordRun:
