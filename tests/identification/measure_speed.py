@@ -51,8 +51,8 @@ def compare(bench: Bench, free: list[str], seed: int) -> None:
     arm = fa.Arm(spec)
 
     def fit(**options) -> np.ndarray:
-        found = fa.identify(arm, measured, free, progress=False, **options)
-        return found.parameters["estimate"].values
+        result = fa.identify(arm, measured, free, progress=False, **options)
+        return result.parameters["estimate"].values
 
     ways = {
         "SciPy": lambda: by_scipy(arm, measured, free),

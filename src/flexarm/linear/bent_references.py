@@ -593,7 +593,7 @@ def _bending(
     worst = int(np.argmax(np.nan_to_num(size, nan=np.inf)))
     _, by = constraint.misses(times, rigid[0], dynamics_along(arm, rigid[0], qd, qdd))
     moved = np.linalg.svd(by[worst][:, arm.joint_index], compute_uv=False)
-    reason = "the arm is nearly straight: its joints cannot compensate the bending. Avoid this."
-    if moved[-1] >= _STRAIGHT * moved[0]:
-        reason = "links bend too far for such a reference. Move more slowly, or make them stiffer."
-    raise SimulationError(float(times[worst]), reason)
+    reason, hint = "links bend too far.", "Move more slowly, or make the links stiffer."
+    if moved[-1] < _STRAIGHT * moved[0]:
+        reason, hint = "a nearly straight arm cannot compensate bending.", "Avoid this posture."
+    raise SimulationError(float(times[worst]), reason, hint)

@@ -268,7 +268,7 @@ class _Writer:
                 self.shown.places, motions, self.shown.sensors, strict=True
             ):
                 values[place.tolist()] = casadi.vertcat(
-                    *(plain(one) for one in row[sensor.columns])
+                    *(plain(value) for value in row[sensor.columns])
                 )
         slopes = [casadi.densify(casadi.jacobian(values, one)) for one in (x, mass, torque)]
         return casadi.Function("readings", [x, torque, mass], [casadi.densify(values), *slopes])

@@ -211,7 +211,7 @@ def _at_limits(result: xr.Dataset) -> str:
     names = "joint", "saturation", "longest_saturation"
     numbers = zip(*(result[name].values for name in names), strict=True)
     return ", ".join(
-        f"motor {joint} {100.0 * share:.3g}% of the run, up to {longest:.3g} s at a time"
+        f"motor {joint} {100.0 * share:.3g} % of the run, up to {longest:.3g} s at a time"
         for joint, share, longest in numbers
         if share > 0.0
     )

@@ -78,8 +78,8 @@ class TaskController(OfArm, Controller):
     _shares: ClassVar[dict[str, float]]
     """Defaults of parameters, relative to their typical sizes on the arm."""
 
-    _stiffness: ClassVar[str] = "frequency"
-    """Parameter that is the frequency of joint errors, rad/s."""
+    _frequency_name: ClassVar[str] = "frequency"
+    """Name of the parameter that is the frequency of joint errors, rad/s."""
 
     def __post_init__(self) -> None:
         check_sample_time(self.arm, self.sample_time)
@@ -87,7 +87,7 @@ class TaskController(OfArm, Controller):
         self._scales = arm_scales(self.arm, rate)
         set_defaults(self, self._shares, self._scales)
         self._reads_force = True
-        self._posture_frequency = getattr(self, self._stiffness)
+        self._posture_frequency = getattr(self, self._frequency_name)
         self._task = TaskSpace(self.arm)
         self._plan = TaskPlan(self.arm, self.sample_time)
 
@@ -267,7 +267,7 @@ class Impedance(ImpedanceParameters, TaskController):
         "normal_damping": 8.0,
         "posture_frequency": 0.8,
     }
-    _stiffness = "posture_frequency"
+    _frequency_name = "posture_frequency"
 
     def __post_init__(self) -> None:
         super().__post_init__()
