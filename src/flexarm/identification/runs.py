@@ -57,9 +57,9 @@ _ASTRAY = 10.0 * np.pi
 #: Evaluations of the dynamics times coordinates of a fit, about ten seconds; and runs of a fit for
 #: each free number.
 _LONG, _RUNS = 3e7, 10.0
-#: Relative tolerance of coarse runs. At 1e-4, joints that turn freely err by more than the noise of
-#: an encoder, and faults are taken for others.
-COARSE = 1e-5
+#: Relative tolerances of coarse runs and of those whose differences are taken. At 1e-4, joints that
+#: turn freely err by more than the noise of an encoder, and faults are taken for others.
+COARSE, _TIGHT = 1e-5, 1e-7
 
 
 class RecordRun:
@@ -96,6 +96,8 @@ class RecordRun:
         self._drive = self._history(self.samples)
         self._prescribed = self._prescribed_joints()
         self._angles, self._held = start_angles(arm, record), leading_joints(arm, record)
+        #: Steps of central differences by path, in scales of the parameters
+        self.steps: dict[str, float] = {}
 
     def _check(self, arm: Arm) -> None:
         problems: list[Problem] = []
@@ -127,6 +129,11 @@ class RecordRun:
         return not (settled or self._inertial or "torque" in self.channels)
 
     @property
+    def rtol(self) -> float:
+        """Relative tolerance of the runs."""
+        return self._options.get("rtol") or _TIGHT
+
+    @property
     def proportional(self) -> bool:
         """Whether a strain is proportional to its gauge's distance: no controller reads it."""
         return self.record.controller is None
@@ -156,9 +163,16 @@ class RecordRun:
 
     def coarse(self) -> RecordRun:
         """Return the run with larger tolerances, whose errors are far below those of readings."""
+        return self._with_rtol(max(self._options.get("rtol") or 0.0, COARSE))
+
+    def fine(self) -> RecordRun:
+        """Return the run with tolerances at which differences of two runs mean something."""
+        return self._with_rtol(min(self.rtol, _TIGHT))
+
+    def _with_rtol(self, rtol: float) -> RecordRun:
         run = copy(self)
         if self._options.get("step") is None and self._options.get("integrator") != "rk4":
-            run._options = {**self._options, "rtol": max(self._options.get("rtol") or 0.0, COARSE)}
+            run._options = {**self._options, "rtol": rtol}
         return run
 
     def _history(self, samples: FloatArray, late: float = 0.0) -> PiecewiseCubic:
@@ -396,9 +410,9 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
             warn_caller(text, FlexarmWarning)
 
 
-#: Step of central differences, as a fraction of the scale of a parameter: the error of the
-#: difference, which grows with its square, stays below that of the runs divided by it.
-_STEP = 1e-4
+#: First step of central differences, its limits, as fractions of the scale of a parameter, the ratio
+#: to the best step below which it is wrong, and how often it is corrected.
+_STEP, _LEAST, _MOST, _NEAR, _ATTEMPTS = 1e-3, 1e-6, 0.1, 0.1, 3
 #: Fewest numbers by which ``sensitivities`` is faster than differences in a closed loop.
 _FEWEST_IN_LOOP = 3
 #: Numbers that determine the torque of a current or voltage.
@@ -426,7 +440,8 @@ def output_derivatives(
     others = [k for k in range(len(places)) if k not in exact]
     if not others:
         return derivatives
-    return _by_differences(run, space, record, vector, places, others, derivatives)
+    # At coarse tolerances, the difference by a delay of the torque has twice its size.
+    return _by_differences(run.fine(), space, record, vector, places, others, derivatives)
 
 
 def _exact_places(run: RecordRun, paths: Sequence[str]) -> list[int]:
@@ -452,14 +467,14 @@ def _by_duals(
     while exact:
         try:
             with without_warnings():
-                # Without a second run: derivatives better than the runs are not needed.
+                # Derivatives err by 1e-5 of their size at this tolerance. A second run is not needed.
                 dual = sensitivities(
                     Arm(case.spec),
                     parameters=[initial_argument(paths[k]) or paths[k] for k in exact],
                     error_estimate=False,
                     progress=False,
                     channels=run.channels,
-                    **run.arguments(case),
+                    **run.coarse().arguments(case),
                 )
         except InputError as error:
             refused = [_REFUSED.match(problem.name) for problem in error.problems]
@@ -486,21 +501,56 @@ def _by_differences(
     derivatives: FloatArray,
 ) -> FloatArray | str:
     """Fill the derivatives by central differences, or return why the run at ``vector`` fails."""
+    case = space.case(record, vector)
+    errors = run.reading_errors(case, run.measured)  # their paths
+    paths = {k: space.slots[places[k]].path for k in chosen}
+    columns = {k: _column_of(run, path) for k, path in paths.items() if vector[places[k]] != 0.0}
+    moving = [k for k in chosen if columns.get(k) is None and paths[k] not in errors]
+    for _ in range(_ATTEMPTS):
+        steps = [(k, run.steps.get(paths[k], _STEP)) for k in moving]
+        center = _move(run, space, record, vector, places, steps, derivatives)
+        if isinstance(center, str):
+            return center
+        moving = [
+            k
+            for k in moving
+            if _resized(run, paths[k], derivatives[..., k] * space.scale[places[k]], center)
+        ]
+        if not moving:
+            break
+    errors = run.reading_errors(case, center)
+    for k in chosen:
+        column, value = columns.get(k), vector[places[k]]
+        if paths[k] in errors:
+            derivatives[..., k] = errors[paths[k]]
+        elif column is not None:
+            # A strain without its offset is proportional to the distance of its gauge.
+            clean = errors[f"gains.{run.labels[column].text}"][:, column]
+            gain = case.errors.get(f"gains.{run.labels[column].text}", 1.0)
+            derivatives[:, column, k] = gain * clean / value
+    return derivatives
+
+
+def _move(
+    run: RecordRun,
+    space: Space,
+    record: int,
+    vector: FloatArray,
+    places: NDArray[np.intp],
+    steps: Sequence[tuple[int, float]],
+    derivatives: FloatArray,
+) -> FloatArray | str:
+    """Fill the derivatives by steps (in scales); return the outputs, or why their run fails."""
     # They are one-sided at a bound, or where one of both runs fails, and zero where both fail, so
     # that no step goes in that direction.
     lower, upper = space.bounds
     cases: list[Case] = [space.case(record, vector)]
-    steps: list[tuple[int, float]] = []
-    readings = {k: _column_of(run, space.slots[places[k]].path) for k in chosen}
-    errors = run.reading_errors(cases[0], run.measured)  # their paths
-    for k in chosen:
+    changes: list[tuple[int, float]] = []
+    for k, step in steps:
         place = places[k]
-        proportional = readings[k] is not None and vector[place] != 0.0
-        if proportional or space.slots[place].path in errors:
-            continue
         for sign in (1.0, -1.0):
             moved = vector.copy()
-            moved[place] += sign * _STEP * space.scale[place]
+            moved[place] += sign * step * space.scale[place]
             moved[place] = min(max(moved[place], lower[place]), upper[place])
             change = moved[place] - vector[place]
             if change == 0.0:
@@ -509,25 +559,14 @@ def _by_differences(
                 cases.append(space.case(record, moved))
             except InputError:  # a limit of several numbers together
                 continue
-            steps.append((k, change))
+            changes.append((k, change))
     center, *others = run.simulate(cases)
     if isinstance(center, str):
         return center
-    errors = run.reading_errors(cases[0], center)
-    for k in chosen:
-        if space.slots[places[k]].path in errors:
-            derivatives[..., k] = errors[space.slots[places[k]].path]
-            continue
-        column, value = readings[k], vector[places[k]]
-        if column is not None and value != 0.0:
-            # A strain without its offset is proportional to the distance of its gauge.
-            clean = errors[f"gains.{run.labels[column].text}"][:, column]
-            gain = cases[0].errors.get(f"gains.{run.labels[column].text}", 1.0)
-            derivatives[:, column, k] = gain * clean / value
-            continue
+    for k, _ in steps:
         ends = [
             (change, outputs)
-            for (j, change), outputs in zip(steps, others, strict=True)
+            for (j, change), outputs in zip(changes, others, strict=True)
             if j == k and not isinstance(outputs, str)
         ]
         if len(ends) == 1:
@@ -535,7 +574,22 @@ def _by_differences(
         if ends:
             (high, after), (low, before) = ends
             derivatives[..., k] = (after - before) / (high - low)
-    return derivatives
+    return center
+
+
+def _resized(run: RecordRun, path: str, slope: FloatArray, outputs: FloatArray) -> bool:
+    """Correct the step of a number by the change of the outputs per scale; whether it was wrong."""
+    # The error of a central difference grows with the square of the change that its step makes,
+    # that of the runs falls with it: both are small if the change is the third root of the latter.
+    sizes = np.maximum(outputs.std(axis=0), run.measured.std(axis=0, where=run.valid))
+    changes = np.sqrt(np.mean(slope**2, axis=0))[sizes > 0.0] / sizes[sizes > 0.0]
+    change = float(changes.max(initial=0.0))
+    step = float(np.cbrt(run.rtol)) / change if change > 0.0 else np.inf
+    step = min(max(step, _LEAST), _MOST)
+    if _NEAR < run.steps.get(path, _STEP) / step < 1.0 / _NEAR:
+        return False
+    run.steps[path] = step
+    return True
 
 
 def _column_of(run: RecordRun, path: str) -> int | None:
