@@ -130,7 +130,10 @@ def profiled(problem: FitProblem, fit: Fit, assessment: Assessment) -> xr.Datase
     root = inverse_root(curvature[np.ix_(acting, acting)])
     table = assessment.parameters.copy(deep=True)
     rows = np.flatnonzero(physical).tolist()
-    for place in [k for k in assessment.weak if k in acting][:_MOST_PROFILED]:
+    # The interval of a rate over which friction fades tells less than its many fits cost.
+    slots = problem.space.slots
+    weak = [k for k in assessment.weak if k in acting and not slots[k].path.endswith("_rate")]
+    for place in weak[:_MOST_PROFILED]:
         row = rows.index(place)
         column = root @ root[acting.tolist().index(place)]
         deviation = float(np.sqrt(column[acting == place][0]))

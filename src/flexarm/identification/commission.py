@@ -29,6 +29,7 @@ from flexarm.identification.data_sheet import (
     of_links,
     of_masses,
 )
+from flexarm.identification.findings import alike_masses, findings_of
 from flexarm.identification.frequency.records import measured_modes
 from flexarm.identification.identify import (
     PreparedIdentification,
@@ -37,25 +38,22 @@ from flexarm.identification.identify import (
 )
 from flexarm.identification.inspection import inspected
 from flexarm.identification.missing import (
-    OF_JOINT,
     Effect,
     can_join,
     effect_name,
-    error_of_stated,
     information_of,
     joined,
     missing_effects,
     smoothing_rates,
+    without,
 )
 from flexarm.identification.record import (
     FEWEST,
-    MEASURED,
     MeasuredRecord,
     Records,
     check_inputs,
     check_records,
     check_some_records,
-    label_of,
     with_columns,
 )
 from flexarm.identification.result import LAST_PART, Identification, stage_rows
@@ -64,17 +62,17 @@ from flexarm.identification.space import (
     Case,
     Space,
     check_free,
-    in_words,
+    of_records,
     start_angles,
     with_joint,
     without_error,
 )
-from flexarm.identification.statistics import fit_percent
+from flexarm.identification.statistics import covariance_of, fit_percent
 from flexarm.integrate import Integrator
 from flexarm.integrate.base import FloatArray
 from flexarm.linear import modes
 from flexarm.model import Contact, Motors
-from flexarm.model.identification import INPUTS, FreeParameter, RecordSettings
+from flexarm.model.identification import FreeParameter, RecordSettings
 from flexarm.model.paths import with_number
 from flexarm.model.quantities import Flag
 from flexarm.simulation.run.settings import DEFAULTS, MethodSettings, replaced
@@ -82,11 +80,13 @@ from flexarm.simulation.run.settings import DEFAULTS, MethodSettings, replaced
 #: Part of each record that is fitted; the rest of it judges the stages.
 _FITTED = 0.7
 #: Most evaluations of the fit of a stage.
-_EVALUATIONS = 12
+_EVALUATIONS = 40
 #: Least decrease of the RMS, as a fraction, that keeps a stage, and fit (%) that leaves nothing.
 _GAIN, _PERFECT = 0.01, 99.9
 #: Most rounds in which effects that residuals show join the model.
 _ROUNDS = 3
+#: Most rivals of an effect that are fitted, too, and deviations from which an effect is needed.
+_RIVALS, _NEEDED = 2, 2.0
 #: Least change of the outputs by a large change of a parameter, in first guesses of the noise.
 _NO_EFFECT = 1e-6
 #: Distance of a start from bounds, as a fraction of their distance or the size of a parameter.
@@ -96,8 +96,6 @@ _INSIDE = 0.03
 _RIGIDITY, _BAND, _CLEAR, _SHARP, _STILL = (0.3, 1.2), (0.5, 1.15), 60.0, 0.05, 1e-4
 #: Signal above noise: bins of a smoothed spectrum, power, and width beyond the last such frequency.
 _BINS, _ABOVE, _WIDER = 5, 10.0, 1.2
-#: Error of a gauge's distance that is named, and its least size in standard deviations.
-_NAMED, _SURE = 0.05, 3.0
 
 
 @public_call
@@ -165,6 +163,7 @@ def commission(
     work = _Commissioning(arm, fitted, motors, {k: v for k, v in rough.items() if v}, shown)
     with without_warnings():
         work.go_through(parameters)
+        work.drop_needless({parameter.path for parameter in parameters})
         case, every = work.case, list(work.free.values())
         fitted, held = fitted if unseen else work.parts, unseen or work.last_parts()
         start = case.motors, *common[1:], case.errors, Arm(case.spec)
@@ -175,7 +174,7 @@ def commission(
     table = result.parameters.assign(start=("parameter", starts))
     delays = [each for record in fitted.values() for each in record.settings.delays.items()]
     stated = {channel for channel, delay in delays if delay}
-    findings += [*_named(table, stated), *_scaled(table, work.free)]
+    findings += [*findings_of(table, stated), *alike_masses(table, work.free)]
     return replace(result, parameters=table, stages=work.stages(), findings=tuple(findings))
 
 
@@ -190,6 +189,16 @@ class _Fitted(NamedTuple):
 
 #: RMS and fit (%) of each channel of each record.
 _Score = dict[tuple[str, str], tuple[float, float]]
+
+
+class _Row(NamedTuple):
+    """Stage in the table of stages."""
+
+    name: str
+    before: _Score
+    after: _Score
+    kept: bool
+    seconds: float
 
 
 class _Commissioning:
@@ -209,7 +218,8 @@ class _Commissioning:
         self.free: Parameters = {}
         self.sheet: dict[str, float] = {}
         self._initial: dict[str, float] = {}  # estimates of initial states, by name
-        self._rows: list[tuple[str, _Score, _Score, bool, float]] = []
+        self._rows: list[_Row] = []
+        self._last: _Fitted | None = None  # the fit that predicts best
 
     def go_through(self, more: Sequence[FreeParameter]) -> None:
         """Go through all stages; ``more`` are free parameters besides those of the data sheet."""
@@ -308,23 +318,90 @@ class _Commissioning:
         fitted, _ = self._tried(name, self.case, free, following)
         for _ in range(_ROUNDS):
             effects = self._effects(fitted) if fitted else []
-            kept = False
-            while effects and not kept:
-                assert fitted is not None
-                words = ", ".join(effect_name(effect.path, short=True) for effect in effects)
-                case, paths = joined(fitted.case, effects, self._smoothing(fitted.case))
-                more = {path: FreeParameter(path) for path in paths}
-                trial = self._tried(f"+ {words}", case, {**fitted.free, **more}, following)
-                kept = trial[1]
-                effects = effects[:1] if len(effects) > 1 else []
-            if not kept:
+            if fitted is None or not effects:
                 return
-            fitted = trial[0]
+            free, row = dict(self.free), len(self._rows)
+            best = self._with_effects(fitted, effects, following)
+            if best is None and len(effects) > 1:
+                best = self._with_effects(fitted, effects[:1], following)
+            for path in effects[0].rivals[:_RIVALS]:
+                others = self._effects(fitted, path)
+                paths = {effect.path for effect in others}
+                if path not in paths or paths == {effect.path for effect in effects}:
+                    continue
+                rival = self._with_effects(fitted, others, following)
+                if rival is not None:  # it predicts better than the best before
+                    self.free = free | rival.free
+                    self._rows[row:-1] = [each._replace(kept=False) for each in self._rows[row:-1]]
+                    best = rival
+            if best is None:
+                return
+            fitted = best
+
+    def _with_effects(
+        self, fitted: _Fitted, effects: Sequence[Effect], following: bool
+    ) -> _Fitted | None:
+        """Fit a model with effects; None if it does not predict better."""
+        words = ", ".join(effect_name(effect.path, short=True) for effect in effects)
+        case, paths = joined(fitted.case, effects, self._smoothing(fitted.case))
+        more = {path: FreeParameter(path) for path in paths}
+        trial, kept = self._tried(f"+ {words}", case, {**fitted.free, **more}, following)
+        return trial if kept else None
+
+    def drop_needless(self, stated: Container[str]) -> None:
+        """Leave out effects, but the ``stated`` ones, that the data do not require."""
+        while self._last is not None:
+            try:
+                needs = self._needs(self._last)
+            except fitting.FitFailure:
+                return
+            rest = {path: size for path, size in needs.items() if path not in stated}
+            path = min(rest, key=lambda path: rest[path], default="")
+            if not path or rest[path] > _NEEDED:
+                return
+            # The rate below which friction is smooth stays as it was fitted.
+            dropped = {
+                path,
+                *(path.replace("static", f"{r}_rate") for r in ("stribeck", "smoothing")),
+            }
+            free = {key: value for key, value in self.free.items() if key not in dropped}
+            words = f"without {effect_name(path, short=True)}"
+            if not self._tried(words, without(self.case, path), free, least=-_GAIN)[1]:
+                return
+            self.free = free
+
+    def _needs(self, fitted: _Fitted) -> dict[str, float]:
+        """Return by how many deviations errors of records and Stribeck friction differ from none.
+
+        FitFailure if a run fails.
+        """
+        columns, priors, _ = information_of(fitted.problem, fitted.fit)
+        covariance, vector = covariance_of(columns, priors), fitted.fit.vector
+        places = {slot.path: k for k, slot in enumerate(fitted.problem.space.slots)}
+        needs = {}
+        for path, k in places.items():
+            axis, none = np.eye(vector.size)[k], without_error(path)
+            if path.endswith("friction.static"):
+                coulomb = path.replace("static", "coulomb")
+                if coulomb not in places:
+                    continue
+                axis, none = axis - np.eye(vector.size)[places[coulomb]], 0.0
+            elif not of_records(path):
+                continue
+            with np.errstate(invalid="ignore"):  # infinite variances
+                deviation = np.sqrt(axis @ covariance @ axis)
+            needs[path] = float(np.nan_to_num(abs(axis @ vector - none) / deviation))
+        return needs
 
     def _tried(
-        self, name: str, case: Case, free: Parameters, following: bool = False
+        self,
+        name: str,
+        case: Case,
+        free: Parameters,
+        following: bool = False,
+        least: float = _GAIN,
     ) -> tuple[_Fitted | None, bool]:
-        """Fit parameters from a case, and keep the result if it predicts better."""
+        """Fit parameters from a case, and keep the result if it predicts better by ``least``."""
         started, before = time.process_time(), self._score(self.case, following)
         try:
             fitted = self._fitted(case, free, following)
@@ -333,36 +410,43 @@ class _Commissioning:
         slots = zip(fitted.problem.space.slots, fitted.fit.vector.tolist(), strict=True)
         initial = self._initial
         self._initial = {slot.name: value for slot, value in slots if slot.initial}
-        kept = self._judged(name, fitted.case, before, started, following)
+        kept = self._judged(name, fitted.case, before, started, following, least)
         if kept:
             self.free |= fitted.free
+            self._last = None if following else fitted
         else:
             self._initial = initial
         return fitted, kept
 
     def _judged(
-        self, name: str, case: Case, before: _Score, started: float, following: bool = False
+        self,
+        name: str,
+        case: Case,
+        before: _Score,
+        started: float,
+        following: bool = False,
+        least: float = _GAIN,
     ) -> bool:
-        """Keep a case if the RMS on the parts that are not fitted decrease by their mean."""
+        """Keep a case if the RMS on the parts that are not fitted decrease by ``least``."""
         after = self._score(case, following)
         ratios = [np.log(max(after[key][0], 1e-300) / max(before[key][0], 1e-300)) for key in after]
-        kept = bool(ratios) and float(np.mean(ratios)) < np.log(1.0 - _GAIN)
+        kept = bool(ratios) and float(np.mean(ratios)) < np.log(1.0 - least)
         if kept:
             self.case = case
         self._add(name, before, after, kept, started)
         return kept
 
     def _add(self, name: str, before: _Score, after: _Score, kept: bool, started: float) -> None:
-        self._rows.append((name, before, after, kept, time.process_time() - started))
+        self._rows.append(_Row(name, before, after, kept, time.process_time() - started))
         if self._shown:
             print("  ".join(stage_rows(self.stages())[-1]), file=sys.stderr, flush=True)
 
     def stages(self) -> xr.Dataset:
         """Return the table of the stages."""
-        channels = list(dict.fromkeys(c for row in self._rows for _, c in row[1]))
+        channels = list(dict.fromkeys(c for row in self._rows for _, c in row.before))
         fits = np.full((2, len(self._rows), len(channels)), np.nan)
         for k, row in enumerate(self._rows):
-            for which, score in enumerate(row[1:3]):
+            for which, score in enumerate((row.before, row.after)):
                 for (_, channel), (_, fit) in score.items():
                     place = which, k, channels.index(channel)
                     fits[place] = np.fmin(fits[place], fit)
@@ -372,14 +456,14 @@ class _Commissioning:
             {
                 "before": (dims, fits[0], unit),
                 "after": (dims, fits[1], unit),
-                "kept": ("stage", [row[3] for row in self._rows]),
-                "seconds": ("stage", [row[4] for row in self._rows], {"units": "s"}),
+                "kept": ("stage", [row.kept for row in self._rows]),
+                "seconds": ("stage", [row.seconds for row in self._rows], {"units": "s"}),
             },
-            {"stage": [row[0] for row in self._rows], "channel": channels},
+            {"stage": [row.name for row in self._rows], "channel": channels},
         )
 
-    def _effects(self, fitted: _Fitted) -> list[Effect]:
-        """Return the effects that residuals show and that parameters can describe."""
+    def _effects(self, fitted: _Fitted, first: str = "") -> list[Effect]:
+        """Return the effects that residuals show, from ``first`` on, and parameters describe."""
         problem, fit = fitted.problem, fitted.fit
         if min(fits_by_channel(problem.runs, fit.outputs).values()) > _PERFECT:
             return []
@@ -391,7 +475,7 @@ class _Commissioning:
         gauges = any(path.endswith(".distance") for path in self.sheet)
         return [
             effect
-            for effect in missing_effects(problem, fit, columns, priors)
+            for effect in missing_effects(problem, fit, columns, priors, first=first)
             if not (gauges and effect.path.startswith("gains.strain"))
             and can_join(fitted.case.spec, effect.path)
         ]
@@ -440,10 +524,7 @@ class _Commissioning:
         )
 
 
-#: Errors of gains beyond which a unit is wrong.
-_FACTORS, _UNITS = (1.0 / 3.0, 3.0), ": check the units of the record, such as degrees"
 _CUT = "Cut the record where its sensors work."
-_RIVAL = ", or masses that differ from the data sheet by more than 10 %"
 
 
 def _length(record: MeasuredRecord) -> int:
@@ -495,89 +576,6 @@ def _cutoff(values: FloatArray, rate: float) -> float | None:
     above = np.flatnonzero(smooth > _ABOVE * floor)
     cutoff = _WIDER * float(hertz[above[-1]]) if above.size else 0.0
     return cutoff if 0.0 < cutoff < 0.4 * rate else None
-
-
-def _named(table: xr.Dataset, stated: Container[str]) -> list[str]:
-    """Return sentences on physics and instruments from the estimates of the last fit.
-
-    ``stated``: channels whose delay the records state.
-    """
-    sentences = []
-    columns = (table[name].values for name in ("estimate", "start", "standard_deviation"))
-    rows = zip(table["parameter"].values.tolist(), *columns, strict=True)
-    changed = {
-        path: (float(value), float(start))
-        for path, value, start, deviation in rows
-        if abs(value - start) >= _SURE * deviation
-    }
-    for path, (value, start) in changed.items():
-        kind, _, text = path.partition(".")
-        label = label_of(text)
-        unit = MEASURED[label.channel].unit.replace("1", "") if label else ""
-        match = OF_JOINT.match(path)
-        joint = int(match[1]) + 1 if match else 0
-        if match and match[2] == "backlash":
-            sentences.append(f"Joint {joint} has backlash of about {value:.2g} rad.")
-        elif match and match[2] == "friction.static":
-            sentences.append(
-                f"Joint {joint} breaks away at about {value:.2g} N m: Stribeck friction."
-            )
-        elif match and start == 0.0:
-            sentence = f"Joint {joint} stops early: Coulomb friction of about {value:.2g} N m"
-            # While a joint moves, an offset of its torque and friction of each direction are equal.
-            offset = changed.get(f"offsets.torque_{joint}", (0.0, 0.0))[0]
-            if offset:
-                sentence += f"; without the offset of torque_{joint}, {value + offset:.2g} N m at "
-                sentence += f"positive and {value - offset:.2g} N m at negative rates"
-            sentences.append(f"{sentence}.")
-        elif kind == "offsets":
-            size = f"{value:+.2g} {unit}".strip()
-            sentences.append(f"{text} reads {size} at zero: an offset.")
-        elif kind == "gains":
-            error = 100.0 * (value - 1.0)
-            rival = _RIVAL if label and label.channel in INPUTS else ""
-            rival = rival if _FACTORS[0] < value < _FACTORS[1] else _UNITS
-            sentences.append(f"{text} reads {error:+.2g} % too much: an error of its gain{rival}.")
-        elif kind == "delays":
-            named = text if label else f"The {text}"
-            if (label.channel if label else text) in stated:
-                whose = named.replace("The ", "the ")
-                sentences.append(f"The stated delay of {whose} is about {error_of_stated(value)}.")
-            elif value < 0.0:
-                sentences.append(f"{named} acts about {-value:.2g} s before the record shows it.")
-            else:
-                sentences.append(f"{named} is late by about {value:.2g} s: a delay.")
-        elif path.endswith(".distance"):
-            change = value / start - 1.0 if start else 0.0
-            if abs(change) > _NAMED:
-                sentences.append(
-                    f"The {in_words(path)} differs from the data sheet by {100 * change:+.0f} %; "
-                    "an error of the gain of its amplifier acts in the same way"
-                    f"{'' if _FACTORS[0] < value / start < _FACTORS[1] else _UNITS}."
-                )
-    return sentences
-
-
-def _scaled(table: xr.Dataset, free: Parameters) -> list[str]:
-    """Return the sentence on masses that all end at the same bounds.
-
-    An arm whose masses, inertias, stiffnesses and dampings are all larger by a factor moves in the
-    same way if the torque is, too, so that a record cannot distinguish it from a gain.
-    """
-    masses = [path for path in free if path.endswith((".mass", ".mass_per_length"))]
-    rows = table.sel(parameter=[path for path in masses if path in table["parameter"].values])
-    sides = np.sign(rows["estimate"].values - rows["start"].values)
-    alike = ("motors.torque_constant", *(f"gains.{channel}" for channel in INPUTS))
-    gained = any(path.startswith(alike) for path in free)
-    if gained or sides.size < 2 or not rows["at_bound"].values.all() or np.ptp(sides) > 0.0:
-        return []
-    side = "upper" if sides[0] > 0.0 else "lower"
-    sentence = (
-        f"All masses end at their {side} bounds: an error of the gain of the torque acts in the "
-        "same way as masses, inertias, stiffnesses and damping that all differ from the data sheet "
-        "by as much."
-    )
-    return [sentence]
 
 
 def commissioned(study: PreparedIdentification, progress: bool | None) -> Identification:

@@ -53,6 +53,9 @@ _SIZE = 0.01
 _DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-6
 #: Blocks of the records, and least deviations by their scatter (95 % of t for eight of them).
 _BLOCKS, _CONSISTENT = 8, 2.36
+#: Share, relative to that of the best, from which an effect is its rival: which one it is, only
+#: fits tell.
+_ALIKE = 0.9
 #: Most effects that are named, and half the width of a 95 % interval in standard deviations.
 _MOST, HALF = 3, 1.96
 #: For a rigid joint with backlash: vibration of its gear relative to the rate of the record, part
@@ -75,6 +78,7 @@ class Effect(NamedTuple):
     shift: FloatArray  # (parameters,) change of the estimates in a model that has it
     path: str = ""  # of the parameter that describes it, if there is one
     size: float = 0.0  # of the effect, SI units; of a gain, its relative error
+    rivals: tuple[str, ...] = ()  # paths of effects that explain nearly as much
 
 
 class _Candidate(NamedTuple):
@@ -105,11 +109,12 @@ def missing_effects(
     columns: Sequence[Column],
     priors: FloatArray,
     most: int = _MOST,
+    first: str = "",
 ) -> list[Effect]:
     """Return the effects that residuals show and the model lacks, the largest first.
 
-    ``columns`` are those of the fit, ``priors`` (parameters,) inverse variances. Prediction errors
-    are not tested: a filter follows effects.
+    ``columns`` are those of the fit, ``priors`` (parameters,) inverse variances, ``first`` the path
+    of the effect to begin with. Prediction errors are not tested: a filter follows effects.
     """
     if any(isinstance(run, PredictedRun) for run in problem.runs):
         return []
@@ -119,10 +124,13 @@ def missing_effects(
     residuals = np.concatenate([column.residuals for column in columns])
     basis, triangle = np.linalg.qr(slopes)
     total, chosen = float(residuals @ residuals), list[tuple[_Candidate, float]]()
+    rivals: list[tuple[str, ...]] = []
     while candidates and total > 0.0 and len(chosen) < most:
         rest = residuals - basis @ (basis.T @ residuals)
         tests = [_test(candidate, columns, basis, rest, total) for candidate in candidates]
-        best = int(np.argmax([share for share, _ in tests]))
+        shares = [share for share, _ in tests]
+        paths = [candidate.path for candidate in candidates]
+        best = paths.index(first) if first in paths and not chosen else int(np.argmax(shares))
         share, direction = tests[best]
         if share < _SHARE:
             break
@@ -130,6 +138,8 @@ def missing_effects(
             candidates = [candidate for candidate in candidates if not _is_gap(candidate)]
             continue
         basis = np.column_stack([basis, direction])
+        alike = zip(paths, shares, strict=True)
+        rivals.append(tuple(p for p, s in alike if p != paths[best] and s > _ALIKE * share))
         chosen.append((candidates.pop(best), share))
     if not chosen:
         return []
@@ -141,8 +151,10 @@ def missing_effects(
     inverse = np.linalg.pinv(rows)[:, : len(scale)]
     shifts = scale[:, None] * (inverse @ (basis[:, : len(scale)].T @ (changes * sizes)))
     return [
-        Effect(_sentence(candidate, size, share), shift, candidate.path, float(size))
-        for (candidate, share), size, shift in zip(chosen, sizes, shifts.T, strict=True)
+        Effect(_sentence(candidate, size, share), shift, candidate.path, float(size), alike)
+        for (candidate, share), size, shift, alike in zip(
+            chosen, sizes, shifts.T, rivals, strict=True
+        )
     ]
 
 
@@ -285,6 +297,17 @@ def joined(case: Case, effects: Sequence[Effect], rates: FloatArray) -> tuple[Ca
             # Friction that is smooth over a wrong rate has another size at rest.
             paths += [f"joints[{index}].friction.{name}_rate" for name in ("stribeck", "smoothing")]
     return case._replace(spec=spec, errors=errors), paths
+
+
+def without(case: Case, path: str) -> Case:
+    """Return a case without an error of the records or the Stribeck friction of a joint."""
+    match = OF_JOINT.match(path)
+    if match is None:
+        return case._replace(errors={key: e for key, e in case.errors.items() if key != path})
+    joint = case.spec.joints[int(match[1])]
+    assert joint.friction is not None
+    joint = joint.replace(friction=joint.friction.replace(static=None))
+    return case._replace(spec=with_joint(case.spec, int(match[1]), joint))
 
 
 def smoothing_rates(runs: Sequence[RecordRun], case: Case) -> FloatArray:

@@ -48,7 +48,7 @@ from flexarm.simulation.calls.preparation import integrator_of
 from flexarm.simulation.calls.run import simulate
 from flexarm.simulation.derivatives.sensitivities import sensitivities
 from flexarm.simulation.histories.loads import PrescribedAngle
-from flexarm.simulation.histories.piecewise import PiecewiseCubic, sampled_torque
+from flexarm.simulation.histories.piecewise import PiecewiseCubic, delayed, sampled_torque
 
 #: Phase (rad) of the slowest vibration from sample to sample above which a record misses it.
 _UNRESOLVED = np.pi
@@ -356,24 +356,6 @@ class RecordRun:
         return histories
 
 
-def delayed(history: PiecewiseCubic, delay: float) -> PiecewiseCubic:
-    """Return a history that is later by ``delay`` (s), with its first value before that.
-
-    It is earlier by a negative delay, with its last value at the end.
-    """
-    place = 0 if delay > 0.0 else -1
-    edge, constant = history.breaks[[place]], np.zeros_like(history.coefficients[:1])
-    constant[:, 0] = history.at(edge)
-    parts = [constant, history.coefficients]
-    stops = np.concatenate([edge, history.stops]) + delay
-    return replace(
-        history,
-        breaks=np.sort(np.concatenate([edge, history.breaks + delay])),
-        coefficients=np.concatenate(parts if delay > 0.0 else parts[::-1]),
-        stops=np.sort(stops[stops > 0.0]),
-    )
-
-
 def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
     """Warn of records that take long and whose samples are too far apart to contain a vibration.
 
@@ -410,8 +392,8 @@ def warn_of_work(runs: Sequence[RecordRun], space: Space) -> None:
             warn_caller(text, FlexarmWarning)
 
 
-#: First step of central differences, its limits, as fractions of the scale of a parameter, the ratio
-#: to the best step below which it is wrong, and how often it is corrected.
+#: First step of central differences and its limits, as fractions of the scale of a parameter, the
+#: ratio to the best step below which it is wrong, and how often it is corrected.
 _STEP, _LEAST, _MOST, _NEAR, _ATTEMPTS = 1e-3, 1e-6, 0.1, 0.1, 3
 #: Fewest numbers by which ``sensitivities`` is faster than differences in a closed loop.
 _FEWEST_IN_LOOP = 3
@@ -467,7 +449,7 @@ def _by_duals(
     while exact:
         try:
             with without_warnings():
-                # Derivatives err by 1e-5 of their size at this tolerance. A second run is not needed.
+                # Without a second run: at coarse tolerances, derivatives err by 1e-5 of their size.
                 dual = sensitivities(
                     Arm(case.spec),
                     parameters=[initial_argument(paths[k]) or paths[k] for k in exact],
@@ -506,6 +488,7 @@ def _by_differences(
     paths = {k: space.slots[places[k]].path for k in chosen}
     columns = {k: _column_of(run, path) for k, path in paths.items() if vector[places[k]] != 0.0}
     moving = [k for k in chosen if columns.get(k) is None and paths[k] not in errors]
+    center: FloatArray | str = ""
     for _ in range(_ATTEMPTS):
         steps = [(k, run.steps.get(paths[k], _STEP)) for k in moving]
         center = _move(run, space, record, vector, places, steps, derivatives)
@@ -518,6 +501,7 @@ def _by_differences(
         ]
         if not moving:
             break
+    assert isinstance(center, np.ndarray)
     errors = run.reading_errors(case, center)
     for k in chosen:
         column, value = columns.get(k), vector[places[k]]

@@ -552,3 +552,21 @@ class PiecewiseCubic:
         c0, c1, c2, c3 = c.swapaxes(0, 1)
         value, rate = c0 + x * (c1 + x * (c2 + x * c3)), c1 + x * (2.0 * c2 + 3.0 * x * c3)
         return np.stack([value, rate, c2 + 3.0 * x * c3, c3], axis=1)
+
+
+def delayed(history: PiecewiseCubic, delay: float) -> PiecewiseCubic:
+    """Return a history that is later by ``delay`` (s), with its first value before that.
+
+    It is earlier by a negative delay, with its last value at the end.
+    """
+    place = 0 if delay > 0.0 else -1
+    edge, constant = history.breaks[[place]], np.zeros_like(history.coefficients[:1])
+    constant[:, 0] = history.at(edge)
+    parts = [constant, history.coefficients]
+    stops = np.concatenate([edge, history.stops]) + delay
+    return replace(
+        history,
+        breaks=np.sort(np.concatenate([edge, history.breaks + delay])),
+        coefficients=np.concatenate(parts if delay > 0.0 else parts[::-1]),
+        stops=np.sort(stops[stops > 0.0]),
+    )
