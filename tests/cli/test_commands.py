@@ -66,8 +66,20 @@ def test_check_prints_instruments_and_motors_and_run_the_time_at_the_limits(good
         "motors torque_limit 0.5 N m, time_constant 0.002 s",
     ):
         assert f" {row} " in words
+    outcome = invoke("check", good, "--json", "--set", "run.duration=0.3")
+    summary = json.loads(outcome.stdout)
+    rows = [f"{row['name']} {row['text']}" for row in summary["summary"]]
+    # Lines break in the terminal only.
+    assert " ".join([*rows, summary["conclusion"]]).split() == words.split()
+    assert summary["changes"] == ["--set run.duration=0.3"]
     words = " ".join(invoke("run", good).stdout.split())
+    (motor,) = json.loads(invoke("run", good, "--json").stdout)["motors"]
     result = fa.run_scenario(good, progress=False)
+    assert motor == {
+        "joint": 1,
+        "saturation": result.saturation.item(),
+        "longest": result.longest_saturation.item(),
+    }
     # The controller requests a torque every millisecond, as often as the run is sampled.
     share = float((np.abs(result.torque_command) > 0.5).mean())
     assert 0.1 < share < 0.99
@@ -123,6 +135,9 @@ def test_check_reports_an_unstable_pole(good):
     outcome = invoke("check", good)
     assert "unstable at the start: the fastest pole" in " ".join(outcome.stdout.split())
     assert "warning: the sampled loop is unstable at the start" in outcome.stderr
+    summary = json.loads(invoke("check", good, "--json").stdout)
+    assert f"warning: {' '.join(summary['warnings'])}" == " ".join(outcome.stderr.split())
+    assert summary["conclusion"] == outcome.stdout.splitlines()[-1] == "ok, but for the warning"
 
 
 @pytest.mark.thorough

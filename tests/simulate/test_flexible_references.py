@@ -161,6 +161,7 @@ def test_order_0_bends_by_gravity_alone():
     np.testing.assert_allclose(same.joint_angle(0.35), motion.joint_angle(0.35), rtol=0, atol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:the tip rests:flexarm.AccuracyWarning")  # rigid angles
 def test_lqg_compensates_the_bending_by_inertia_once():
     """Under gravity the rigid reference keeps the sag, and order 1 bends the links twice."""
     arm = heavy_arm()
@@ -192,6 +193,40 @@ def test_lqg_compensates_the_bending_by_inertia_once():
     run = prepare(checked_arguments(Scenario, **scenario)).run(progress=False)
     assert run.attrs["reference_kind"] == "static"
     assert away(run, motion).max() == pytest.approx(most[0], rel=0.1)
+
+
+def test_a_run_reports_a_law_whose_tip_keeps_the_sag():
+    """At rest on rigid angles: in one run, in a table and in a batch; with its length in mm."""
+    arm, goal = heavy_arm(), [0.5, 0.4]
+    motion = fa.joint_motion(arm, [0.5, 0.35], goal, 0.4)
+    static = fa.quasi_static_reference(arm, motion, order=0)
+    law = fa.LQG(arm, goal)
+    sag = 1e3 * np.hypot(*(arm.tip(fa.equilibrium(arm, goal).q)[:2] - motion.tip(1.0)))
+    options = {"rate": 100.0, "initial": static.initial}
+    with pytest.warns(fa.AccuracyWarning, match=f"rests {sag:.3g} mm .* LQG keeps the sag") as kept:
+        run = fa.simulate(arm, 2.0, controller=law, reference=motion, **options)
+    assert run.attrs["warning"] == str(kept[0].message)
+    with pytest.warns(fa.FlexarmWarning, match="the tip rests"):
+        batch = fa.simulate_batch(
+            arm, 2.0, controller=law, reference=[motion, static], progress=False, **options
+        )
+    assert batch["warning"].values.tolist() == [run.attrs["warning"], ""]
+    table = fa.compare(arm, {"LQG": law}, 2.0, {"rigid": motion, "static": static}, rate=100.0)
+    assert table["warning"].values.ravel().tolist() == [run.attrs["warning"], ""]
+    light = heavy_arm(gravity=0.0)
+    gains = fa.JointPD([400.0, 100.0], [10.0, 0.4], feedforward=fa.rigid_torque(arm, motion))
+    silent = (  # the bent reference, gains on joint angles, a run without rest, no gravity
+        (arm, 2.0, law, static),
+        (arm, 4.0, gains, motion),
+        (arm, 0.405, law, motion),
+        (light, 2.0, fa.LQG(light, goal), motion),
+    )
+    options["rate"] = 1000.0
+    for simulated, duration, controller, reference in silent:
+        run = fa.simulate(
+            simulated, duration, controller=controller, reference=reference, **options
+        )
+        assert run.attrs["warning"] == ""
 
 
 @pytest.mark.parametrize("kind", ["lqg", "composite"])

@@ -15,7 +15,7 @@ from flexarm.arm.assembly.surfaces import surface_rows
 from flexarm.arm.beams import LinkConstants
 from flexarm.arm.beams.invariants import shortening_matrices
 from flexarm.base.arguments import check_list_of
-from flexarm.base.errors import InputError, check_array
+from flexarm.base.errors import InputError, Problem, check_array, shown
 from flexarm.kernels.forces.contact import (
     CORNER,
     CORNER_SHARE,
@@ -42,10 +42,17 @@ def tip_load(arm: Coordinates, tip_force: ArrayLike | None) -> list[Load]:
     """Return (Fx, Fy) or (Fx, Fy, Mz) on the last tip, world axes, as a list: empty for None."""
     if tip_force is None:
         return []
-    force = check_array("tip_force", tip_force, (-1,))
-    size = force.size if force.size in (2, 3) else 3
-    force = check_array("tip_force", force, (size,))
-    moment = float(force[2]) if size == 3 else 0.0
+    try:
+        shape = np.shape(tip_force)
+    except ValueError:  # rows of different lengths
+        shape = ()
+    if shape not in ((2,), (3,)):
+        hint = "Pass a force elsewhere on the arm, or over time, as loads=[fa.Load(...)]."
+        raise InputError(
+            Problem("tip_force", "be (Fx, Fy) or (Fx, Fy, Mz)", shown(tip_force), hint)
+        )
+    force = check_array("tip_force", tip_force, shape)
+    moment = float(force[2]) if force.size == 3 else 0.0
     return [Load(link=arm.n_links, force=tuple(force[:2].tolist()), moment=moment)]
 
 

@@ -138,9 +138,10 @@ def test_hardware_with_whole_samples_of_delay_is_the_delay(arm, kind):
     assert disk[1] == pytest.approx(disk[0], rel=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore:the tip rests:flexarm.AccuracyWarning")  # rigid angles
 def test_simulated_vibration_decays_as_the_poles_say(arm):
     law = fa.LQG(arm, POSTURE, measured=NOISE, hardware=LATE, **REQUIRED)
-    start = fa.equilibrium(arm, POSTURE).q + 1e-4 * np.eye(arm.dof)[0]
+    start = fa.equilibrium(arm, POSTURE).q + 1e-4 * np.eye(arm.dof)[2]  # a mode of link 1
     still = fa.joint_motion(arm, POSTURE, [POSTURE[0] + 1e-9], 0.5)
     options = {"hardware": LATE, "initial": start, "reference": still, "rate": 1000.0}
     run = fa.simulate(arm, 4.0, controller=law, **options)
@@ -274,3 +275,21 @@ def test_refused_hardware(arm):
         fa.LQG(arm, POSTURE, measured={"joint_angle": 1e-4}, hardware=slow)
     with pytest.raises(TypeError, match="hardware"):
         fa.NonlinearMPC(arm, POSTURE, torque_limit=5.0, hardware=LATE)
+
+
+@pytest.mark.parametrize("hardware", [None, LATE])
+def test_an_arm_at_rest_beside_its_reference_has_no_rate(arm, hardware):
+    """The filter in its steady state alone would find a tenth of the angle, and a rate instead."""
+    law = fa.LQG(arm, POSTURE, measured=NOISE, hardware=hardware, **REQUIRED)
+    away, still = 0.006, fa.joint_motion(arm, POSTURE, POSTURE, 1.0)
+    start = fa.equilibrium(arm, [POSTURE[0] + away]).q
+    options = {"hardware": hardware, "reference": still, "initial": start}
+    run = fa.simulate(arm, 0.5 * TICK, controller=law, rate=4000.0, **options)
+    state = np.zeros(2 * arm.dof)
+    state[0] = away
+    # The links sag by the cosine of another angle.
+    np.testing.assert_allclose(law.estimate, state, rtol=0, atol=1e-2 * away)
+    if hardware is None:
+        (balance,) = fa.equilibrium(arm, POSTURE).torque
+        expected = -law.designs[0].gain @ state
+        assert run.torque.values[0] - balance == pytest.approx(expected, rel=0.05)

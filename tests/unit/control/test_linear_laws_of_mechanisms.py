@@ -103,7 +103,11 @@ def predicted(law: Any, case: Case, run: Any, plant: fa.Arm | None = None) -> np
     rest = coordinates.at_rest(law.designs[0].posture)
     (matrix,) = loop.matrices()
     state = np.zeros(len(matrix))
-    state[: coordinates.chosen.size] = (run.q.values[0] - rest.q)[coordinates.chosen]
+    deviation = (run.q.values[0] - rest.q)[coordinates.chosen]
+    state[: deviation.size] = deviation
+    # The memory of the law follows; its first prediction has the measured joint angles.
+    measured = np.isin(coordinates.chosen, case.arm.joint_index)
+    state[len(loop.plant.A[0]) :][: deviation.size] = measured * deviation
     rows = [k for k, name in enumerate(loop.plant.outputs) if name.startswith("joint_angle")]
     found = []
     for _ in range(run.time.size):

@@ -194,6 +194,7 @@ def test_nonlinear_loop_has_the_linear_poles():
 
 
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:the tip rests:flexarm.AccuracyWarning")  # rigid angles
 def test_integral_removes_the_error_of_a_wrong_payload():
     arm = arm_with_gauges(gravity=(0.0, -9.81))
     plant = arm_with_gauges(gravity=(0.0, -9.81), payload=fa.Payload(mass=0.1))

@@ -43,13 +43,16 @@ def test_beyond_its_limits_mpc_solves_the_quadratic_programme(arm):
     controller.reset()
     design = controller.designs[0]
     hold = fa.joint_motion(arm, POSTURE, POSTURE, 1.0)
-    seen = np.array([0.001, -0.003])
+    seen = np.array([0.01, -0.03])
     measurement = fa.Measurement(
         joint_angle=np.add(POSTURE, seen), joint_rate=np.zeros(2), strain=np.array([2e-6, -1e-6])
     )
     torque = controller.update(0.0, measurement, hold)
     assert controller.limited == 1
-    x0 = design.estimator @ np.append(seen, measurement.strain)
+    first = np.zeros(2 * arm.dof)  # the first prediction has the measured joint angles
+    first[arm.joint_index] = seen
+    readings = np.append(seen, measurement.strain)
+    x0 = first + design.estimator @ (readings - design.C @ first)
 
     def half(weight):
         values, vectors = np.linalg.eigh(weight)

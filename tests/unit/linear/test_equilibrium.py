@@ -255,7 +255,10 @@ class TestNone:
             ({"joint_angles": [1.0, 2.0]}, "equilibrium: joint_angles must have shape"),
             ({"torque": [np.nan]}, r"equilibrium: torque\[0\] must be finite"),
             ({"start": [0.0]}, "equilibrium: start must be numbers of shape"),
-            ({"tip_force": (1.0, 2.0, 3.0, 4.0)}, "equilibrium: tip_force must be numbers"),
+            (
+                {"tip_force": (1.0, 2.0, 3.0, 4.0)},
+                r"equilibrium: tip_force must be \(Fx, Fy\) .*loads=",
+            ),
         ],
     )
     def test_wrong_input_is_rejected(self, fields, message):

@@ -1,7 +1,10 @@
 """The quick plot of a result draws its channels, with their units, for arms of any size."""
 
+import io
+
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import flexarm as fa
 from flexarm.view.plot.histories import readable_unit, series_colors, signals_figure
@@ -84,3 +87,19 @@ def test_lines_have_different_colours(count):
 )
 def test_large_numbers_get_a_larger_unit(unit, largest, expected):
     assert readable_unit(unit, np.array([0.0, -largest])) == expected
+
+
+def test_the_factor_of_small_numbers_is_beside_the_title():
+    """Of an arm of micrometres, whose torques are printed with a factor of 1e-12."""
+    arm = fa.Arm(
+        links=[fa.Link(length=2e-4, flexural_rigidity=2e-12, mass_per_length=9e-8, elements=1)]
+    )
+    figure = signals_figure(fa.simulate(arm, 1e-5, torque=lambda t: [1e-13]))
+    figure.savefig(io.BytesIO(), format="png")
+    factors = 0
+    for axes in figure.axes:
+        factor = axes.yaxis.get_offset_text()
+        (title,) = (t for t in axes.findobj(Text) if t.get_text() == axes.get_title(loc="left"))
+        assert not factor.get_window_extent().overlaps(title.get_window_extent())
+        factors += bool(factor.get_text())
+    assert factors >= 2

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import flexarm as fa
 from flexarm.base.errors import FlexarmError
 from flexarm.cli.failures import collected_warnings, warn
-from flexarm.cli.options import Sets, argument, changed_document
+from flexarm.cli.options import Sets, argument, changed_document, flag
 from flexarm.cli.tables import console, facts
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from flexarm.identification.identify import PreparedIdentification
     from flexarm.integrate.base import FloatArray
     from flexarm.model import StudySpec
+    from flexarm.model.file_format.yaml_text import Document
     from flexarm.simulation.loop.stability import LoopPole
 
 Rows = list[tuple[str, str]]
@@ -29,57 +30,76 @@ _MOST_FREQUENCIES = 4
 def check(
     file: Annotated[Path, argument("FILE", "Arm, scenario, study or identification.")],
     sets: Sets = None,
+    json: Annotated[bool, flag("--json", "Print the summary as JSON, and nothing else.")] = False,
 ) -> None:
     """Check the file of an arm, scenario, study or identification; report problems by line."""
+    from json import dumps
+
+    from flexarm.base.references import package_version
+    from flexarm.cases.scenario.summary import about_arm
+    from flexarm.model.plausible import implausible
+
+    with collected_warnings() as texts:
+        arm, rows, unstable, odd = _content(changed_document(file, sets), file.parent)
+        rows = [*about_arm(arm), *rows]
+    warnings = [*dict.fromkeys(texts), *filter(None, unstable)]
+    conclusion = "ok, but for the warning" if warnings else "ok"
+    if odd or implausible(arm.spec):
+        conclusion = "valid, but not plausible: see the warning"
+    screen = console()
+    if not json:
+        screen.print(facts(rows))
+    for text in warnings:
+        warn(text)
+    if not json:
+        screen.print(conclusion)
+        return
+    summary = {
+        "flexarm": package_version(),
+        "file": str(file),
+        "changes": [f"--set {text}" for text in sets or ()],
+        "summary": [{"name": name, "text": text} for name, text in rows],
+        "warnings": warnings,
+        "conclusion": conclusion,
+    }
+    print(dumps(summary, indent=2))
+
+
+def _content(document: Document, folder: Path) -> tuple[fa.Arm, Rows, list[str], list[str]]:
+    """Return the arm of a file, rows about the rest, unstable loops, and implausible numbers."""
     from flexarm.arm.arm import described_arm
     from flexarm.cases.scenario.scenario import prepare
     from flexarm.cases.scenario.study import PreparedStudy
-    from flexarm.cases.scenario.summary import about_arm, about_run
+    from flexarm.cases.scenario.summary import about_run
     from flexarm.model import load_arm_spec, locate_scenario, locate_study
     from flexarm.model.file_format.files import describes_arm_only
     from flexarm.model.plausible import implausible, warn_of
 
-    document = changed_document(file, sets)
-    unstable: list[str] = []
-    odd: list[str] = []
-    with collected_warnings() as texts:
-        if "records" in document.value:
-            from flexarm.identification.identify import PreparedIdentification
+    if "records" in document.value:
+        from flexarm.identification.identify import PreparedIdentification
 
-            identification = PreparedIdentification(document, file.parent)
-            identification.check()
-            arm = identification.arm
-            rows = [*_about_records(identification), *_about_vibration(arm)]
-        elif "drives" in document.value:
-            located = locate_study(document)
-            study = PreparedStudy(*located)
-            arm = study.arm
-            warn_of(implausible(arm.spec))
-            unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
-            rows = [*_about_study(*located), *_about_vibration(arm)]
-        elif describes_arm_only(document):
-            arm = described_arm(load_arm_spec(document))
-            rows = _about_vibration(arm)
-            rows += [] if arm.closure_rows else _about_integrator(arm)
-        else:
-            scenario, where = locate_scenario(document)
-            prepared = prepare(scenario, where)
-            arm = prepared.arm
-            odd = prepared.implausible()
-            warn_of(odd)
-            loop = prepared.stability()
-            unstable = [loop.text, loop.slow]
-            rows = [*about_run(scenario), *_about_prepared(prepared, loop.poles)]
-        rows = [*about_arm(arm), *rows]
-    unstable = [*dict.fromkeys(texts), *filter(None, unstable)]
-    screen = console()
-    screen.print(facts(rows))
-    for text in unstable:
-        warn(text)
-    if odd or implausible(arm.spec):
-        screen.print("valid, but not plausible: see the warning")
-    else:
-        screen.print("ok, but for the warning" if unstable else "ok")
+        identification = PreparedIdentification(document, folder)
+        identification.check()
+        arm = identification.arm
+        return arm, [*_about_records(identification), *_about_vibration(arm)], [], []
+    if "drives" in document.value:
+        located = locate_study(document)
+        study = PreparedStudy(*located)
+        arm = study.arm
+        warn_of(implausible(arm.spec))
+        unstable = [f"{name}: {text}" for name, text in study.unstable_loops().items()]
+        return arm, [*_about_study(*located), *_about_vibration(arm)], unstable, []
+    if describes_arm_only(document):
+        arm = described_arm(load_arm_spec(document))
+        integrator = [] if arm.closure_rows else _about_integrator(arm)
+        return arm, [*_about_vibration(arm), *integrator], [], []
+    scenario, where = locate_scenario(document)
+    prepared = prepare(scenario, where)
+    odd = prepared.implausible()
+    warn_of(odd)
+    loop = prepared.stability()
+    rows = [*about_run(scenario), *_about_prepared(prepared, loop.poles)]
+    return prepared.arm, rows, [loop.text, loop.slow], odd
 
 
 def _about_records(identification: PreparedIdentification) -> Rows:

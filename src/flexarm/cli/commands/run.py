@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -74,9 +74,9 @@ def run(
             _save_beginning(error.result, out)
         raise
     silent = json or quiet
-    errors = {} if quiet and not json else _errors(result, prepared)
+    values = _values(result) | {"errors": {} if quiet and not json else _errors(result, prepared)}
     if not silent:
-        console().print(facts(_summary(result, errors)))
+        console().print(facts(_summary(values, expected="event_name" in result)))
     for text in warnings_of(result):
         warn(text)
         texts.append(text)
@@ -90,8 +90,7 @@ def run(
             "flexarm": package_version(),
             "scenario": str(scenario),
             "changes": [change.origin for change in changes],
-            **_values(result),
-            "errors": errors,
+            **values,
             "warnings": texts,
             "files": {name: str(path) for name, path in files.items()},
         }
@@ -116,10 +115,7 @@ def _written(result: xr.Dataset, files: Mapping[str, Path]) -> Iterator[str]:
 def _values(result: xr.Dataset) -> dict[str, Any]:
     """Return the summary as plain values in SI units; see the page of the command line."""
     time, attributes = result["time"].values, result.attrs
-    events = []
-    if "event_name" in result:
-        pairs = zip(result["event_name"].values, result["event_time"].values, strict=True)
-        events = [{"name": str(name), "time": float(t)} for name, t in pairs]
+    deflection: NDArray[Any] = abs(result["link_tip_deflection"].values).max(axis=0)
     return {
         "samples": int(time.size),
         "end_time": float(time[-1]),
@@ -131,10 +127,24 @@ def _values(result: xr.Dataset) -> dict[str, Any]:
         "rtol": attributes["rtol"],
         "tip": result["tip"].values[-1].tolist(),
         "joint_angle": result["joint_angle"].values[-1].tolist(),
-        "largest_link_tip_deflection": _largest_deflection(result).tolist(),
-        "events": events,
+        "largest_link_tip_deflection": deflection.tolist(),
+        "motors": _records(
+            result, joint="joint", saturation="saturation", longest="longest_saturation"
+        ),
+        "events": _records(result, name="event_name", time="event_time"),
         "ended_by": attributes.get("ended_by") or None,
     }
+
+
+def _records(result: xr.Dataset, **names: str) -> list[dict[str, Any]]:
+    """Return variables of a result over one dimension as records of plain values, if it has them.
+
+    ``names``: variable of each key.
+    """
+    if not set(names.values()) <= set(result.variables):
+        return []
+    columns = (result[name].values.tolist() for name in names.values())
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def _errors(result: xr.Dataset, prepared: Prepared) -> dict[str, float]:
@@ -155,12 +165,6 @@ def _errors(result: xr.Dataset, prepared: Prepared) -> dict[str, float]:
     return {name: values[name] for name in names if isfinite(values[name])}
 
 
-def _largest_deflection(result: xr.Dataset) -> NDArray[Any]:
-    """Return the largest deflection of the tip of each link, (links,), m."""
-    largest: NDArray[Any] = abs(result["link_tip_deflection"].values).max(axis=0)
-    return largest
-
-
 def _save_beginning(result: xr.Dataset, out: Path) -> None:
     """Save the samples of a run up to its failure."""
     path = out.with_name(f"{out.stem}.partial{out.suffix}")
@@ -173,63 +177,51 @@ def _save_beginning(result: xr.Dataset, out: Path) -> None:
         print_error(f"flexarm run: the run up to t = {end} is in {path}")
 
 
-def _summary(result: xr.Dataset, errors: Mapping[str, float]) -> list[tuple[str, str]]:
+def _summary(values: Mapping[str, Any], expected: bool) -> list[tuple[str, str]]:
+    """Return the rows of the printed summary; ``expected``: whether the run looked for events."""
     from flexarm.simulation.calls.metrics import length_text
 
-    time, attributes = result["time"].values, result.attrs
-    deflection = _largest_deflection(result)
-    worst = int(deflection.argmax())
-    x, y = result["tip"].values[-1]
-    steps = f"{attributes['steps']} of {attributes['integrator']}"
+    x, y = values["tip"]
+    steps = f"{values['steps']} of {values['integrator']}"
     rows = [
-        ("run", f"{time.size} samples to t = {time[-1]:g} s"),
-        *_events(result),
-        ("steps", f"{steps}, in {attributes['wall_seconds']:.3g} s"),
+        ("run", f"{values['samples']} samples to t = {values['end_time']:g} s"),
+        *(_events(values) if expected else ()),
+        ("steps", f"{steps}, in {values['wall_seconds']:.3g} s"),
         ("tip", f"({x:.6g}, {y:.6g}) m at the end"),
     ]
-    if errors:
+    if errors := values["errors"]:
         names = {"peak": "at most {}", "rms": "{} RMS in motion", "end": "{} at the end"}
         each = {text: errors.get(f"tip_error_{name}") for name, text in names.items()}
         words = [text.format(length_text(e)) for text, e in each.items() if e is not None]
         rows.append(("task", f"tip error {', '.join(words)}"))
     if "force_error_rms" in errors:
         rows.append(("force", f"error {errors['force_error_rms']:.3g} N RMS in motion"))
-    if deflection[worst] > 0.0:
-        most = f"{1e3 * deflection[worst]:.4g} mm at the tip of link {worst + 1}"
-        rows.append(("bending", f"at most {most}"))
-    if at_limit := _at_limits(result):
-        rows.append(("motors", f"at the limit: {at_limit}"))
-    if "integration_error" in attributes:
-        rows.append(("error", f"about {attributes['integration_error']:.1g} m of the integration"))
-    return rows
-
-
-def _at_limits(result: xr.Dataset) -> str:
-    """Describe for how long motors were at their limits; empty if none was."""
-    if "saturation" not in result:
-        return ""
-    names = "joint", "saturation", "longest_saturation"
-    numbers = zip(*(result[name].values for name in names), strict=True)
-    return ", ".join(
-        f"motor {joint} {100.0 * share:.3g} % of the run, up to {longest:.3g} s at a time"
-        for joint, share, longest in numbers
-        if share > 0.0
+    deflection = values["largest_link_tip_deflection"]
+    if (most := max(deflection)) > 0.0:
+        text = f"at most {1e3 * most:.4g} mm at the tip of link {deflection.index(most) + 1}"
+        rows.append(("bending", text))
+    at_limit = ", ".join(
+        f"motor {motor['joint']} {100.0 * motor['saturation']:.3g} % of the run, "
+        f"up to {motor['longest']:.3g} s at a time"
+        for motor in values["motors"]
+        if motor["saturation"] > 0.0
     )
-
-
-def _events(result: xr.Dataset) -> Sequence[tuple[str, str]]:
-    """Return the number and first time of each event, and the event that ended the run."""
-    if "event_name" not in result:
-        return []
-    names, times = result["event_name"].values, result["event_time"].values
-    events = []
-    for name in dict.fromkeys(names.tolist()):
-        first, count = times[names == name][0], int((names == name).sum())
-        when = (
-            f"at t = {first:.6g} s" if count == 1 else f"{count} times, first at t = {first:.6g} s"
-        )
-        events.append(f"{name}: {when}")
-    rows = [("events", "; ".join(events) or "none")]
-    if result.attrs["ended_by"] in names:
-        rows.append(("ended by", result.attrs["ended_by"]))
+    if at_limit:
+        rows.append(("motors", f"at the limit: {at_limit}"))
+    if values["integration_error"] is not None:
+        rows.append(("error", f"about {values['integration_error']:.1g} m of the integration"))
     return rows
+
+
+def _events(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the number and first time of each event, and the event that ended the run."""
+    times: dict[str, list[float]] = {}
+    for event in values["events"]:
+        times.setdefault(event["name"], []).append(event["time"])
+    texts = []
+    for name, (first, *others) in times.items():
+        count = f"{len(others) + 1} times, first " if others else ""
+        texts.append(f"{name}: {count}at t = {first:.6g} s")
+    yield "events", "; ".join(texts) or "none"
+    if values["ended_by"] in times:
+        yield "ended by", values["ended_by"]

@@ -273,17 +273,14 @@ class LQG(LQGParameters, OfArm, Controller):
 
     def initial_memory(self, readings: Measurement, inputs: Arrays) -> Arrays:
         runs = readings[next(iter(self.design_requirements.measured))].shape[:-1]
-        start = np.zeros((*runs, self._states + self._integrals))
-        state, integral = start[..., : self._states], start[..., self._states :]
+        start, integral = self._first_state(readings, inputs), np.zeros((*runs, self._integrals))
+        state = np.broadcast_to(start, (*runs, self._states))
         memory = {"prediction": state, "estimate": state, "integral": integral}
         if self._delayed:  # requested deviations that do not act yet
             memory["waiting"] = np.zeros((*runs, self._delayed * self._joints))
         if self._hardware is not None:  # its motors have no torque yet
             missing = np.broadcast_to(-inputs["nominal_torque"], (*runs, self._joints))
-            before, after = (
-                start[..., : self._arm_states],
-                start[..., self._motor_end : self._states],
-            )
+            before, after = state[..., : self._arm_states], state[..., self._motor_end :]
             motors = (self._motor_end - self._arm_states) // self._joints
             memory["prediction"] = np.concatenate([before, *[missing] * motors, after], axis=-1)
             if self._delayed:
@@ -292,6 +289,23 @@ class LQG(LQGParameters, OfArm, Controller):
             frames = applied(self._frames[2], inputs["nominal_reading"])
             memory["_frames"] = np.broadcast_to(frames, (*runs, frames.shape[-1]))
         return memory
+
+    def _first_state(self, readings: Measurement, inputs: Arrays) -> FloatArray:
+        """Return the deviation of an arm that has its first joint angles and the nominal rates.
+
+        The filter has the gain of its steady state, in which an angle can only be wrong after a
+        motion: it would take the distance of the first angles from the reference for large rates.
+        """
+        places = self._signal_places.get("joint_angle")
+        if places is None or "joint_angle" not in self._places:
+            return np.zeros(self._states)
+        away = readings["joint_angle"] - inputs["nominal_reading"][..., places]
+        moved = self._coordinates.chosen[:, None] == self.arm.joint_index
+        by_angle = np.zeros((self._states, self._joints))
+        by_angle[: len(moved)] = moved
+        if self._frames is not None:
+            by_angle[self._motor_end :] = self._frames[2][:, places]
+        return applied(by_angle, away)
 
     def step(self, memory: Arrays, readings: Measurement, inputs: Arrays) -> Step:
         arrays = self._arrays.at(inputs["nominal_angle"])

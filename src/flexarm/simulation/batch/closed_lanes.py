@@ -42,6 +42,7 @@ from flexarm.simulation.calls.limits import (
     instrument_warning,
     motor_numbers,
     motor_warning,
+    sag_warning,
 )
 from flexarm.simulation.calls.preparation import UNBOUNDED, start_of
 from flexarm.simulation.histories.loads import LoadHistory, load_history
@@ -310,20 +311,20 @@ class ClosedLanes(Lanes):
         numbers = {name: values[places] for name, values in loop.limits().items()}
         growth = np.array([group.ready[place].drive.stability.growth for place in places])
         grown = {"loop_growth": growth} if np.isfinite(growth).any() else {}
-        if not numbers:
-            return grown, [[] for _ in places]
-        texts, joints = [], group.ready[0].arm.assembly.joint_body
+        texts, arm = [], group.ready[0].arm
         for row, place in enumerate(places.tolist()):
             own = {name: values[row] for name, values in numbers.items()}
+            run, states = group.ready[place], samples[row]
+            law = run.drive.controller, run.drive.reference
             texts.append([instrument_warning(loop.instruments, own)])
-            if loop.acting.limited:
-                since, saturated = loop.acting.saturated()
-                run, angle = group.ready[place], samples[row][:, 0, joints, 0]
-                law = run.drive.controller, run.drive.reference
-                limits = since, saturated[:, place]
-                with self._batch.users:  # the reference may be an object of the user
-                    text = motor_warning(run.arm, *law, times, angle, limits, own)
-                texts[row].append(text)
+            with self._batch.users:  # the reference may be an object of the user
+                if loop.acting.limited:
+                    since, saturated = loop.acting.saturated()
+                    angle = states[:, 0, arm.assembly.joint_body, 0]
+                    limits = since, saturated[:, place]
+                    texts[row].append(motor_warning(run.arm, *law, times, angle, limits, own))
+                tips = partial(_channel, run.arm, states, "tip")
+                texts[row].append(sag_warning(*law, times, tips))
         return numbers | grown, texts
 
     def _warnings(self, group: Group, place: int, notices: str) -> list[str]:

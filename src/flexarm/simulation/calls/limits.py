@@ -1,8 +1,8 @@
-"""Limits that a run reaches: of motors, instruments, joint stops and contacts."""
+"""Limits that a run reaches: of motors, instruments, joint stops, contacts and references."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import theory_error
 from flexarm.arm.observe import contact_values
-from flexarm.base.errors import AccuracyWarning, LargeDeflectionWarning, LimitWarning
+from flexarm.base.errors import (
+    AccuracyWarning,
+    FlexarmError,
+    LargeDeflectionWarning,
+    LimitWarning,
+    without_warnings,
+)
 from flexarm.base.late import xr
 from flexarm.control.contract.base import Controller, Reference, around
 from flexarm.control.hardware.measurement import Readings
@@ -19,7 +25,9 @@ from flexarm.integrate.base import FloatArray
 from flexarm.kernels.forces.contact import GAP, SURFACE
 from flexarm.kernels.forces.surface import CURVATURE
 from flexarm.kernels.layout import Contacts
-from flexarm.simulation.calls.metrics import reference_angles
+from flexarm.linear.statics.equilibrium import equilibrium
+from flexarm.motion import Motion
+from flexarm.simulation.calls.metrics import length_text, reference_angles, tip_reference
 from flexarm.simulation.loop.control_loop import ClosedLoop
 from flexarm.simulation.run.channels import LIMITS
 from flexarm.simulation.run.stepping import Notices, Run
@@ -37,6 +45,9 @@ _BLIND = 0.1
 #: Depth in a stop that is reported: fraction of the range of the joint, between two angles (rad).
 #: Depth of a contact that is reported: fractions of the reach, and of the radius of a post.
 _OF_RANGE, _TURNED, _OF_REACH, _OF_RADIUS = 0.25, (0.1, 0.35), 0.1, 0.5
+#: Error of the tip at rest in which the sag is looked for, as a fraction of the reach, and fewest
+#: samples at rest.
+_SAGGING, _RESTING = 1e-3, 10
 #: Stride of the samples that are examined before all are.
 _STRIDE = 8
 
@@ -116,6 +127,46 @@ def _harm(error: FloatArray, saturated: BoolArray) -> float:
     if saturated[-1] and 2 * (end - begin) >= len(error) and part[-1] >= 0.9 * part[0]:
         most = max(most, float(part[-1]))
     return most
+
+
+def sag_warning(
+    controller: Controller,
+    reference: Reference | None,
+    times: FloatArray,
+    tips: Callable[[], FloatArray],
+) -> str:
+    """Describe the sag that a law keeps at rest along the joint angles of a rigid arm, or nothing.
+
+    Only of laws that plan the bending along a motion: of others, gains on joint angles, nobody
+    expects the tip at its goal. ``tips`` returns (samples, 2) of the run, m.
+    """
+    laws = [law for law in around(controller) if getattr(law, "plans_bending", False)]
+    if not laws or not isinstance(reference, Motion) or not any(laws[0].arm.spec.gravity):
+        return ""
+    late = (times > reference.end_time) & (2.0 * times >= reference.end_time + times[-1])
+    if late.sum() < _RESTING:
+        return ""
+    arm: Arm = laws[0].arm
+    goal, tip = tip_reference(arm, reference, times[-1:])[0], tips()[late]
+    missed = tip.mean(axis=0) - goal
+    error, moving = np.hypot(*missed), np.hypot(*np.ptp(tip, axis=0))
+    if error < _SAGGING * arm.reach or moving > 0.1 * error:
+        return ""
+    try:
+        with without_warnings():  # the run has its own
+            rest = equilibrium(arm, np.asarray(reference.joint_angle(float(times[-1]))))
+    except FlexarmError:
+        return ""
+    sag = arm.tip(rest.q)[:2] - goal
+    if np.hypot(*(missed - sag)) > 0.5 * np.hypot(*sag):
+        return ""
+    name, apart = type(laws[0]).__name__, length_text(float(error))
+    return (
+        f"the tip rests {apart} from the end of its motion: along the joint angles of a rigid arm, "
+        f"{name} keeps the sag of the links under gravity. Follow fa.quasi_static_reference(arm, "
+        "motion, order=0) where it exists, or integrate the error of the tip; see "
+        "docs/how-to/control-linear.md."
+    )
 
 
 def instrument_numbers(readings: Sequence[Readings]) -> dict[str, FloatArray]:

@@ -30,7 +30,7 @@ from flexarm.base.late import xr
 from flexarm.base.user_functions import FunctionError
 from flexarm.model.plausible import warn_of
 from flexarm.model.scenarios.scenario import DURATION, FAILURE
-from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of
+from flexarm.simulation.calls.limits import add_limits, limits_of_run, notices_of, sag_warning
 from flexarm.simulation.calls.preparation import (
     RunArguments,
     Situation,
@@ -165,7 +165,7 @@ def simulate(
             or with a fixed step to 1e-3 of the reach, or a given ``atol`` would have caused errors
             of 1 % of the motion. Runs with a controller and a fixed step are not checked; see the
             attribute ``impact_steps``. Also if the integration error exceeds ``accuracy``, or 3e-5
-            of the reach by default.
+            of the reach by default, or if a linear law keeps the sag of the links at rest.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             at a posture that it passes, or after a change of the arm, with growth by a factor of
             ten or more within the run. The attribute ``loop_growth`` (1/s) is the largest one.
@@ -353,6 +353,9 @@ def _result(
     channels = channels_of_run(run, given)
     numbers, texts = limits_of_run(run, loop, channels)
     run.notices = notices_of(run, texts, failure)
+    if loop is not None and not failure:
+        kept = sag_warning(loop.controller, loop.reference, times, lambda: channels["tip"])
+        run.notices += [(kept, AccuracyWarning)] if kept else []
     attributes["warning"] = " ".join(text for text, _ in run.notices)
     if loop is not None and log is None:  # otherwise add_loop appends it
         channels["torque_command"] = loop.command_at(times)

@@ -147,6 +147,8 @@ def place_labels(axes: Axes) -> None:
     left, below = _LABELS[_medium.get()]
     axes.yaxis.set_label_coords(-left / width, 0.5)
     axes.xaxis.set_label_coords(0.5, -below / height)
+    # The factor of small numbers is above the axis by default, where the title begins.
+    axes.yaxis.get_offset_text().set(x=-0.01, horizontalalignment="right")
 
 
 def legend_above(
