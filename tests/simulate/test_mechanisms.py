@@ -9,6 +9,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import flexarm as fa
 
@@ -410,3 +411,29 @@ def test_equilibria_with_a_base_that_moves():
     free = fa.Arm(base=fa.Base(mass=2.0, free=("x", "y")), links=[UPPER], gravity=(0.0, -9.81))
     with pytest.raises(fa.EquilibriumError, match="no spring holds y of the base"):
         fa.equilibrium(free, [-0.5 * np.pi])
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0), (0.0, 1.0), (0.6, 0.8)])
+@pytest.mark.parametrize("integrator", ["auto", "rk4"])
+def test_a_slide_with_a_spring_behind_its_motor_is_two_masses(axis, integrator):
+    # Behind the spring, the motor alone has inertia: rotor_inertia gear_ratio^2 = 0.4 kg.
+    stiffness, damping, force, motor, load = 80.0, 4.0, 5.0, 0.4, 0.48
+    slide = fa.Joint(
+        kind="prismatic", axis=axis, stiffness=stiffness, damping=damping,
+        rotor_inertia=1e-5, gear_ratio=200.0,
+    )  # fmt: skip
+    link = fa.Link(length=0.8, mass_per_length=load / 0.8, flexible=False)
+    run = fa.simulate(
+        fa.Arm(links=[link], joints=[slide]), 0.5, initial=[0.1, 0.02], torque=lambda _: [force],
+        integrator=integrator, progress=False,
+    )  # fmt: skip
+    spring = np.array([[0.0, 0.0], [0.0, 1.0]])  # the second coordinate is the spring's
+    mass = np.array([[motor + load, load], [load, load]])
+    matrix = np.zeros((5, 5))  # of q, qd and one
+    matrix[:2, 2:4] = np.eye(2)
+    matrix[2:4, :2] = -np.linalg.solve(mass, stiffness * spring)
+    matrix[2:4, 2:4] = -np.linalg.solve(mass, damping * spring)
+    matrix[2:4, 4] = np.linalg.solve(mass, [force, 0.0])
+    exact = expm(0.5 * matrix) @ [0.1, 0.02, 0.0, 0.0, 1.0]
+    # A hundred thousandth of the motion is the default accuracy.
+    np.testing.assert_allclose(run["q"].values[-1], exact[:2], atol=1e-5)

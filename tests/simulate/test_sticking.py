@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 import flexarm as fa
 from arms import table_one_arm
+from closed_mechanisms import four_bar
 from flexarm.model.paths import number_at, with_number
 from random_arms import random_spec
 
@@ -331,3 +332,23 @@ def test_linear_models_warn_of_a_stuck_joint():
     fa.linearize(arm, [0.0], qd=[1.0])  # a sliding joint, without a warning
     fa.linearize(rod(coulomb=1.0, smoothing_rate=0.01))  # the law that was asked for
     fa.modes(rods(coulomb=1.0))  # locked joints
+
+
+@pytest.mark.parametrize("flexible", [False, True])
+def test_friction_that_holds_more_joints_than_a_loop_leaves_free_is_refused(flexible):
+    # A four-bar moves in one way: two joints at rest hold it twice, and the run had no solution.
+    holds, smooth = fa.Friction(coulomb=0.2), fa.Friction(coulomb=0.2, smoothing_rate=1e-3)
+
+    def run(*frictions):
+        joints = [fa.Joint(hub_inertia=0.05, friction=frictions[0])]
+        joints += [fa.Joint(friction=frictions[1]), fa.Joint(offset=(1.0, 0.0))]
+        closed = four_bar(flexible=flexible, joints=joints)
+        arm = fa.Arm(closed.spec)
+        start = fa.assembled(arm, arm.rest(closed.joints), held=[1]).q
+        return fa.simulate(arm, 0.05, initial=start, torque=lambda _: [3.0, 0.0, 0.0])
+
+    words = r"friction of arm.joints\[0\], arm.joints\[1\] holds more .* smoothing_rate"
+    with pytest.raises(fa.InputError, match=words):
+        run(holds, holds)
+    for frictions in ((holds, None), (None, holds), (holds, smooth), (smooth, smooth)):
+        assert np.all(np.isfinite(run(*frictions)["q"].values))

@@ -11,6 +11,7 @@ closures, without which frequencies are wrong. Theory page "small motion",
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -224,6 +225,28 @@ def refuse_opening(
         _refuse_rates(arm, names[1], J, qd, "fa.assembled(arm, q, qd) computes both.")
         if free is not None:
             _refuse_dependent(arm, J[:, free])
+
+
+def refuse_jamming(arm: Arm, q: FloatArray) -> None:
+    """Raise if friction can hold more joints at q (dof,) than the loops leave free to move.
+
+    The torques of such joints at rest depend on each other, so that the run has no solution.
+    """
+    assembly = arm.assembly
+    holds = assembly.constants.holds[assembly.joint_body] * assembly.breakaway > 0.0
+    if not arm.closure_rows or np.count_nonzero(holds) < 2:
+        return
+    J = _scaled(arm, arm.closure_jacobian(q))
+    most = np.abs(J).max() * _DEPENDENT
+    every, rest = (
+        int(np.linalg.matrix_rank(J[:, arm.joint_index[places]], tol=most))
+        for places in (np.full(holds.size, True), ~holds)
+    )
+    if rest < every:
+        name = ", ".join(f"arm.joints[{seat.link}]" for seat in compress(assembly.seats, holds))
+        rule = "holds more joints of a loop at rest than the loop leaves free"
+        hint = "Let fewer of them hold, or give them a smoothing_rate, with which they creep."
+        raise InputError(Problem(f"friction of {name}", rule, hint=hint))
 
 
 def _refuse_rates(arm: Arm, name: str, J: FloatArray, qd: FloatArray, hint: str) -> None:

@@ -218,10 +218,12 @@ def _past_slide(
     lag = c.body[i, JOINT_ADDED]  # D - Gxx
     rJ = 0.0
     J = 0.0
+    rotor = 0.0
     if len(sizes.joint_laws) > 0:
         J = c.body[i, ROTOR_INERTIA]
         rJ = c.body[i, GEAR_RATIO] * J
-        lag += c.body[i, GEAR_RATIO] * rJ
+        rotor = c.body[i, GEAR_RATIO] * rJ
+        lag += rotor
     inverse = free / (Gxx + lag + (1.0 - free))
     held = (1.0 - free) + lag * inverse
     given = torque[i] * (1.0 - free)
@@ -231,7 +233,7 @@ def _past_slide(
     work.body[i, JOINT_UX] = along_x * Gxx - along_y * Gxy
     work.body[i, JOINT_UY] = along_y * Gxx + along_x * Gxy
     work.body[i, JOINT_UW] = Uw
-    work.body[i, JOINT_INERTIA] = Gxx
+    work.body[i, JOINT_INERTIA] = Gxx + rotor  # behind a free spring, the link has none
     work.body[i, JOINT_INVERSE] = inverse
     work.body[i, JOINT_DRIVE] = drive
     work.body[i, JOINT_GIVEN] = given

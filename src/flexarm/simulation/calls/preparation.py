@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from flexarm.arm.actions import BaseAcceleration, Environment
 from flexarm.arm.arm import Arm
 from flexarm.arm.assembly.coordinates import check_joint
-from flexarm.arm.closed import refuse_opening
+from flexarm.arm.closed import refuse_jamming, refuse_opening
 from flexarm.base.arguments import (
     about_degrees,
     check_function,
@@ -317,6 +317,7 @@ def check_loops(arm: Arm, state: FloatArray, prescribed: Collection[int] = ()) -
         free = [index for index in range(arm.dof) if index not in driven]
         q, qd = arm.unpadded(state)
         refuse_opening(arm, ("initial", "initial_rate"), q, qd, free)
+        refuse_jamming(arm, q)
         _closed[arm] = start
 
 
