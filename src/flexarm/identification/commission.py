@@ -75,6 +75,7 @@ from flexarm.model import Contact, Motors
 from flexarm.model.identification import FreeParameter, RecordSettings
 from flexarm.model.paths import with_number
 from flexarm.model.quantities import Flag
+from flexarm.simulation.run.progress import PATIENCE_FOR_LINES
 from flexarm.simulation.run.settings import DEFAULTS, MethodSettings, replaced
 
 #: Part of each record that is fitted; the rest of it judges the stages.
@@ -134,7 +135,7 @@ def commission(
         free: further parameters, and other bounds and priors, for the stage of all parameters.
         motors, contacts: as in `identify`.
         integrator, step, rtol, atol: of the runs of the last fit, as in ``simulate``.
-        progress: True prints each stage; None does so on a terminal.
+        progress: True prints each stage; None does so on a terminal, elsewhere after 10 s.
 
     Returns:
         The result of the last fit, with ``findings`` on records and arm, and ``stages``. The
@@ -158,9 +159,8 @@ def commission(
     common = motors, "linear", "output_error", None, contacts, run, None
     parameters = check_free(free, least=0)
     prepared_fit(arm, fitted, parameters, unseen, *common)  # raises errors before the stages
-    shown = progress or (progress is None and sys.stderr.isatty())
     rough = {**options, "rtol": max(rtol, COARSE), "contacts": contacts}
-    work = _Commissioning(arm, fitted, motors, {k: v for k, v in rough.items() if v}, shown)
+    work = _Commissioning(arm, fitted, motors, {k: v for k, v in rough.items() if v}, progress)
     with without_warnings():
         work.go_through(parameters)
         work.drop_needless({parameter.path for parameter in parameters})
@@ -210,9 +210,9 @@ class _Commissioning:
         records: Mapping[str, MeasuredRecord],
         motors: Motors | None,
         options: Mapping[str, Any],
-        shown: bool,
+        progress: bool | None,
     ) -> None:
-        self._arm, self._records, self._options, self._shown = arm, records, options, shown
+        self._arm, self._records, self._options, self._progress = arm, records, options, progress
         self.case = Case(arm.spec, motors, np.zeros(arm.dof), np.zeros(arm.dof))
         self.parts = {name: _first_part(record) for name, record in records.items()}
         self.free: Parameters = {}
@@ -274,8 +274,7 @@ class _Commissioning:
         records = {name: self._held(r, following) for name, r in self._records.items()}
         space = Space(Arm(case.spec), case.motors, [], records, case.errors)
         problem = fitting.FitProblem(space, self._runs(records), None)
-        names = [slot.name for slot in space.slots]
-        start = [self._initial.get(name, 0.0) for name in names]
+        start = [self._initial.get(slot.name, 0.0) for slot in space.slots]
         outputs, score = problem.outputs(np.array(start)), _Score()
         for run, simulated in zip(problem.runs, outputs or (), strict=False):
             for k, label in enumerate(run.labels):
@@ -438,7 +437,8 @@ class _Commissioning:
 
     def _add(self, name: str, before: _Score, after: _Score, kept: bool, started: float) -> None:
         self._rows.append(_Row(name, before, after, kept, time.process_time() - started))
-        if self._shown:
+        long = sum(row.seconds for row in self._rows) > PATIENCE_FOR_LINES
+        if self._progress or (self._progress is None and (long or sys.stderr.isatty())):
             print("  ".join(stage_rows(self.stages())[-1]), file=sys.stderr, flush=True)
 
     def stages(self) -> xr.Dataset:

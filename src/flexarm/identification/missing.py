@@ -21,6 +21,7 @@ from flexarm.arm.arm import Arm
 from flexarm.base.errors import FlexarmError
 from flexarm.identification.data_sheet import driven_joints, of_drives, of_masses
 from flexarm.identification.fitting import COARSE, Fit, FitFailure, FitProblem, fit_from
+from flexarm.identification.input_noise import with_input_noise
 from flexarm.identification.prediction import PredictedRun
 from flexarm.identification.record import MEASURED, check_label
 from flexarm.identification.result import SIGNIFICANT
@@ -44,7 +45,7 @@ from flexarm.identification.statistics import (
 )
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Friction, Joint
-from flexarm.model.paths import with_number
+from flexarm.model.paths import number_at, with_number
 
 #: Size of added inputs, as a fraction of the largest input.
 _SIZE = 0.01
@@ -79,6 +80,7 @@ class Effect(NamedTuple):
     path: str = ""  # of the parameter that describes it, if there is one
     size: float = 0.0  # of the effect, SI units; of a gain, its relative error
     rivals: tuple[str, ...] = ()  # paths of effects that explain nearly as much
+    test: tuple[_Candidate, float] | None = None  # with the share of the residuals' power
 
 
 class _Candidate(NamedTuple):
@@ -151,10 +153,8 @@ def missing_effects(
     inverse = np.linalg.pinv(rows)[:, : len(scale)]
     shifts = scale[:, None] * (inverse @ (basis[:, : len(scale)].T @ (changes * sizes)))
     return [
-        Effect(_sentence(candidate, size, share), shift, candidate.path, float(size), alike)
-        for (candidate, share), size, shift, alike in zip(
-            chosen, sizes, shifts.T, rivals, strict=True
-        )
+        Effect(_sentence(*test, size), shift, test[0].path, float(size), alike, test)
+        for test, size, shift, alike in zip(chosen, sizes, shifts.T, rivals, strict=True)
     ]
 
 
@@ -231,6 +231,8 @@ def completed(
             covariance = covariance + np.outer(new[0].shift, new[0].shift)
             break
     names = [slot.name for slot in rival.space.slots]
+    whole = rival.space.case(None, best.vector)
+    effects = [_resized(each, whole) if each.path in names else each for each in effects]
     places = [names.index(slot.name) for slot in problem.space.slots]
     return Completed(effects, best.vector[places], covariance[np.ix_(places, places)])
 
@@ -327,7 +329,20 @@ def with_coulomb(spec: ArmSpec, index: int, coulomb: float, rate: float) -> ArmS
     return with_joint(spec, index, joint.replace(friction=friction.replace(coulomb=coulomb)))
 
 
-def _sentence(candidate: _Candidate, size: float, share: float) -> str:
+def _resized(effect: Effect, case: Case) -> Effect:
+    """Return an effect with its size in a case that has it, where it is not linear."""
+    path, spec = effect.path, case.spec
+    if of_records(path):
+        size = case.errors.get(path, without_error(path)) - without_error(path)
+    else:
+        size = number_at("path", spec, path)
+        if path.endswith("static"):
+            size -= number_at("path", spec, path.replace("static", "coulomb"))
+    assert effect.test is not None
+    return effect._replace(sentence=_sentence(*effect.test, size), size=size)
+
+
+def _sentence(candidate: _Candidate, share: float, size: float) -> str:
     unit = f" {candidate.unit}" if candidate.unit else ""
     # While a joint moves, both act alike.
     offset = candidate.path.startswith("offsets.torque")
@@ -377,7 +392,10 @@ def _test(
         return 0.0, direction
     every = zip(np.split(residuals, ends), np.split(direction, ends), columns, strict=True)
     noise = [Column(r, np.std(r[c.valid]) * d[:, None], c.valid) for r, d, c in every]
-    if explained**2 < _DEVIATIONS**2 * coloured_information(noise)[0, 0]:
+    variance = coloured_information(noise)[0, 0]
+    if columns[0].noise is not None:
+        variance += np.mean((direction @ np.concatenate([column.noise for column in columns])) ** 2)
+    if explained**2 < _DEVIATIONS**2 * variance:
         return 0.0, direction
     return explained**2 / total, direction
 
@@ -404,6 +422,7 @@ def information_of(
             columns.append(Column(np.where(good, residuals, 0.0), own * good[:, None], good, k))
     slots = problem.space.slots
     priors = np.array([slot.prior_deviation**-2.0 for slot in slots])
+    columns = with_input_noise(problem, fit, columns, priors)
     return columns, priors, np.array([not slot.initial for slot in slots], dtype=bool)
 
 

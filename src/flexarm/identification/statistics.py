@@ -56,6 +56,7 @@ class Column(NamedTuple):
     derivatives: FloatArray  # (samples, parameters) of the residuals, zero where missing
     valid: NDArray[np.bool_]  # (samples,) whether the record has the sample
     record: int = 0  # index of its record
+    noise: FloatArray | None = None  # (samples, runs) changes by random noise of the inputs
 
 
 def pair_sums(values: FloatArray, lags: int) -> FloatArray:
@@ -169,7 +170,7 @@ def coloured_information(columns: Sequence[Column]) -> FloatArray:
     from scipy.signal import fftconvolve
 
     total = np.zeros((columns[0].derivatives.shape[1],) * 2)
-    for residuals, derivatives, valid, _ in columns:
+    for residuals, derivatives, valid, *_ in columns:
         lag = significant_lag(residuals, valid)
         rho, _ = correlation_of(residuals, valid, lag)
         rho = rho * (1.0 - np.arange(lag + 1) / (lag + 1.0))
@@ -199,7 +200,8 @@ def covariance_of(columns: Sequence[Column], priors: FloatArray) -> FloatArray:
     """Return the covariance of the estimates; ``priors`` (parameters,) are inverse variances.
 
     The standard deviations are the larger ones of those from the derivatives, with the correlation
-    of residuals over time, and of those from blocks of the records.
+    of residuals over time, and of those from blocks of the records. The variances by noise of the
+    inputs are added, because estimates that follow it leave no residuals.
     """
     # A parameter without information has an infinite variance, and a combination of others without
     # information a very large one.
@@ -217,9 +219,15 @@ def covariance_of(columns: Sequence[Column], priors: FloatArray) -> FloatArray:
         total = root_of_total @ root_of_total.T
         smooth = np.sqrt(np.diag(total))
         larger = np.maximum(_block_deviations(columns, determined, root) / smooth, 1.0)
-        total = total * np.outer(larger, larger)
-        covariance[block] = total
+        moved = root @ (root.T @ noise_scores(columns)[determined])
+        covariance[block] = total * np.outer(larger, larger) + moved @ moved.T / moved.shape[1]
     return covariance
+
+
+def noise_scores(columns: Sequence[Column]) -> FloatArray:
+    """Return the gradients (parameters, runs) of the fit by noise of the inputs; zero without."""
+    parts = [c.derivatives.T @ c.noise for c in columns if c.noise is not None]
+    return np.asarray(sum(parts)) if parts else np.zeros((columns[0].derivatives.shape[1], 1))
 
 
 def inverse_root(curvature: FloatArray) -> FloatArray:
