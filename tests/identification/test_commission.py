@@ -10,8 +10,9 @@ import xarray as xr
 
 import flexarm as fa
 from data.bench_records import ONE
-from flexarm.identification.commission import _Commissioning, _named, _scaled
+from flexarm.identification.commission import _Commissioning
 from flexarm.identification.data_sheet import of_drives, of_links, of_masses
+from flexarm.identification.findings import alike_masses, findings_of
 from flexarm.identification.fitting import FitProblem
 from flexarm.identification.inspection import inspected
 from flexarm.identification.missing import information_of, missing_effects
@@ -227,7 +228,9 @@ def test_errors_of_stated_delays_are_named_relative_to_them(channel, stated):
         {key: ("parameter", v) for key, v in both}, {"parameter": [f"delays.{name}"]}
     )
     whose = "the torque" if channel == "torque" else name
-    assert _named(named, {channel}) == [f"The stated delay of {whose} is about 0.005 s too long."]
+    assert findings_of(named, {channel}) == [
+        f"The stated delay of {whose} is about 0.005 s too long."
+    ]
 
 
 def test_inputs_may_have_a_negative_stated_delay():
@@ -256,7 +259,7 @@ def test_masses_that_all_end_at_their_bounds_may_be_a_gain(ends, others, words):
     values = np.array(ends)
     columns = {"estimate": values, "start": np.ones(2), "at_bound": np.abs(values - 1.0) > 0.09}
     table = xr.Dataset({n: ("parameter", c) for n, c in columns.items()}, {"parameter": masses})
-    sentences = _scaled(table, dict.fromkeys([*masses, *others]))
+    sentences = alike_masses(table, dict.fromkeys([*masses, *others]))
     assert len(sentences) == (words is not None)
     assert words is None or f"All masses end at their {words} bounds" in sentences[0]
 
@@ -289,9 +292,9 @@ def test_derivatives_by_errors_of_records_are_those_of_differences():
         (after,), (before,) = (problem.outputs(vector + s * step) for s in (1.0, -1.0))
         slope = (after - before) / (2.0 * step[k])
         size = np.abs(slope).max(axis=0)
-        # Linear, or the differences have an error of 1e-6 of the step squared.
+        # Linear, or differences whose change of the outputs, 5e-3, has an error near its square.
         assert np.all(
-            np.abs(slopes[..., k] - slope).max(axis=0) <= 1e-5 * size + 1e-12 * size.max()
+            np.abs(slopes[..., k] - slope).max(axis=0) <= 1e-4 * size + 1e-12 * size.max()
         )
 
 

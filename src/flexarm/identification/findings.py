@@ -13,7 +13,8 @@ from flexarm.identification.record import MEASURED, label_of
 from flexarm.identification.space import in_words
 from flexarm.model.identification import INPUTS
 
-#: Error of a gauge's distance that is named, and its least size in standard deviations.
+#: Relative error of a gauge's distance, and of friction by its breakaway torque, that is named, and
+#: least size of an error in standard deviations. Smooth friction has a smaller peak for sticking.
 _NAMED, _SURE = 0.05, 3.0
 #: Errors of gains beyond which a unit is wrong.
 _FACTORS, _UNITS = (1.0 / 3.0, 3.0), ": check the units of the record, such as degrees"
@@ -42,6 +43,8 @@ def findings_of(table: xr.Dataset, stated: Container[str]) -> list[str]:
         if match and match[2] == "backlash":
             sentences.append(f"Joint {joint} has backlash of about {value:.2g} rad.")
         elif match and match[2] == "friction.static":
+            if value < (1.0 + _NAMED) * changed.get(path.replace("static", "coulomb"), (0.0,))[0]:
+                continue
             sentences.append(
                 f"Joint {joint} breaks away at about {value:.2g} N m: Stribeck friction."
             )

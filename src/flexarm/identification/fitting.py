@@ -9,8 +9,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexarm.base.errors import InputError
+from flexarm.identification.runs import COARSE as COARSE_RTOL
 from flexarm.identification.runs import RecordRun, output_derivatives
 from flexarm.identification.space import Space
 from flexarm.integrate.base import FloatArray
@@ -22,6 +24,9 @@ _GUESS, _LEAST = 0.1, 1e-7
 #: Relative changes of the sum of squares or of the parameters that end the fit.
 COARSE, _FINE = 1e-3, 1e-6
 
+#: Change of outputs by that of a parameter by its scale, relative to the outputs, from which a
+#: derivative is none.
+_WILD = 1e4
 #: First step of a search, in scales of the parameters.
 _FIRST = 0.3
 #: Most fits for one end of a profile, evaluations of each, and how often these are repeated.
@@ -55,7 +60,7 @@ class FitProblem:
         self.fixed: set[str] = set(known)
         self.failure = ""
         self.evaluations = 0
-        self._last: tuple[FloatArray, list[FloatArray]] | None = None
+        self._last: tuple[FloatArray, list[FloatArray], bool] | None = None
         self._kept: tuple[bytes, list[FloatArray]] | None = None
         for run in runs:
             given = run.record.settings.noise
@@ -157,7 +162,7 @@ class FitProblem:
     def rows(self, scaled: FloatArray) -> FloatArray:
         """Return the derivatives of the residuals per unit of each parameter."""
         vector = self.vector(scaled)
-        derivatives = self.derivatives(vector)
+        derivatives = self.derivatives(vector, searching=True)
         blocks = []
         for k, (run, slope) in enumerate(zip(self.runs, derivatives, strict=True)):
             block = np.zeros((int(run.valid.sum()), vector.size))
@@ -168,19 +173,38 @@ class FitProblem:
             priors[row, k] = -1.0 / self.space.slots[k].prior_deviation
         return np.concatenate([*blocks, priors])
 
-    def derivatives(self, vector: FloatArray) -> list[FloatArray]:
-        """Return the derivatives (samples, channels, acting parameters) of each record, kept."""
-        if self._last is not None and np.array_equal(self._last[0], vector):
-            return self._last[1]
-        every = []
+    def derivatives(self, vector: FloatArray, searching: bool = False) -> list[FloatArray]:
+        """Return the derivatives (samples, channels, acting parameters) of each record, kept.
+
+        ``searching``: those of coarse runs do, which err by 1e-5 of their size if they are stable.
+        """
+        last = self._last
+        if last and np.array_equal(last[0], vector) and (searching or not last[2]):
+            return last[1]
+        every, searched = [], False
         for k, run in enumerate(self.runs):
             places = self.space.acting_on(k)
-            slopes = output_derivatives(run, self.space, k, vector, places)
+            coarse = searching and run.rtol < COARSE_RTOL
+            slopes = output_derivatives(
+                run.coarse() if coarse else run, self.space, k, vector, places
+            )
+            if coarse and self._wild(run, slopes, places):
+                slopes, coarse = output_derivatives(run, self.space, k, vector, places), False
             if isinstance(slopes, str):
                 raise FitFailure(f"{run.name}: {slopes}")
             every.append(slopes)
-        self._last = vector, every
+            searched |= coarse
+        self._last = vector, every, searched
         return every
+
+    def _wild(self, run: RecordRun, slopes: FloatArray | str, places: NDArray[np.intp]) -> bool:
+        """Return whether derivatives failed, or grew as those of unstable steps do."""
+        if isinstance(slopes, str):
+            return True
+        sizes = np.array([self._signals[label.text] or np.inf for label in run.labels])
+        with np.errstate(all="ignore"):
+            changes = np.abs(slopes) * self.space.scale[places] / sizes[:, None]
+        return not np.all(changes < _WILD)
 
     def whitened(self, record: int, values: FloatArray) -> FloatArray:
         """Return values (samples, channels) or (samples, channels, n) in standard deviations."""

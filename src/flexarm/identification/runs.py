@@ -449,14 +449,14 @@ def _by_duals(
     while exact:
         try:
             with without_warnings():
-                # Without a second run: at coarse tolerances, derivatives err by 1e-5 of their size.
+                # Without a second run: derivatives better than the runs are not needed.
                 dual = sensitivities(
                     Arm(case.spec),
                     parameters=[initial_argument(paths[k]) or paths[k] for k in exact],
                     error_estimate=False,
                     progress=False,
                     channels=run.channels,
-                    **run.coarse().arguments(case),
+                    **run.arguments(case),
                 )
         except InputError as error:
             refused = [_REFUSED.match(problem.name) for problem in error.problems]
