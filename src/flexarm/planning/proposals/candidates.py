@@ -85,7 +85,8 @@ _GENTLE = (
 )
 #: Least rigidity uncertainty of the designs: the model of a real arm is never exact.
 _SOME = 0.1
-#: Bandwidths of force loops relative to the lowest frequency with locked joints.
+#: Bandwidths of force loops relative to the lowest frequency with locked joints, which are tried in
+#: addition to the default of the law: with elastic joints that is less by a factor of ten.
 _FORCE = (0.4, 0.8, 1.4)
 #: Factors of the default damping of the tip, which is too high for some surfaces.
 _SOFTER = (1.0, 0.3, 0.1)
@@ -152,7 +153,8 @@ def _of_position(needs: Requirements) -> Iterator[Candidate]:
 
 def _of_force(needs: Requirements) -> Iterator[Candidate]:
     """Yield the candidates for a force on a surface."""
-    bandwidths = [float(f"{factor * _frequency(needs):.2g}") for factor in _FORCE]
+    default = HybridForce(needs.arm, **_times(needs)).force_integral
+    bandwidths = rounded([default, *np.multiply(_FORCE, _frequency(needs))], 2)
     if "force" in needs.sensors:
         normal = "It controls the measured force normal to the surface and the position along it."
         soft = "A soft spring and damper at the tip, with integral feedback of the force."
@@ -172,7 +174,7 @@ def _of_force(needs: Requirements) -> Iterator[Candidate]:
 
 def _damped(needs: Requirements, kind: type[HybridForce] | type[Impedance], factor: float) -> Drive:
     """Return a force controller with its default damping for the delay, times a factor."""
-    times = {"delay": float(f"{needs.rate_delay:.3g}"), "sample_time": needs.sample_time}
+    times = _times(needs)
     usual = vars(kind(needs.arm, **times))
     damping: Drive = {
         name: rounded([factor * usual[name]])[0]
@@ -180,6 +182,11 @@ def _damped(needs: Requirements, kind: type[HybridForce] | type[Impedance], fact
         if name in usual
     }
     return {"kind": kind.name, **damping, **times}
+
+
+def _times(needs: Requirements) -> dict[str, float]:
+    """Return the delay and the sample time (s) for which a force controller has its defaults."""
+    return {"delay": float(f"{needs.rate_delay:.3g}"), "sample_time": needs.sample_time}
 
 
 def _frequency(needs: Requirements) -> float:
