@@ -51,7 +51,7 @@ _HUNDREDTH, _MOST_PERIODS = float(np.log(100.0)), 20.0
 #: damping ratios. Loops above half of that frequency bend the links more than they move them.
 _BANDWIDTHS, _DAMPINGS = (0.15, 0.25, 0.4, 0.6, 1.0, 1.5, 2.5), (0.7, 1.2)
 #: Largest derivative gain of a joint loop times its lag, relative to the inertia that a torque
-#: turns in it.
+#: turns in it. The damping of the joint itself has no lag.
 _NEAR = 0.7
 #: Frequencies and damping ratios of the joint loops inside strain feedback, which are stiff.
 _INNER, _INNER_DAMPING, _STRAIN_DAMPING = (1.0, 2.0, 3.0), 1.0, (0.3, 0.6)
@@ -219,14 +219,20 @@ def _joint_loop(needs: Requirements, factor: float, damping: float) -> Drive:
     """Return joint PD, or joint PID, which knows the limits of the motors."""
     lag, integral = needs.rate_delay + 0.5 * needs.sample_time, _integrates(needs)
     near, inertia = near_inertias(needs.arm, needs.postures, lag), _inertias(needs)
-    omega = np.minimum(factor * _frequency(needs), _NEAR * near / (2.0 * damping * lag * inertia))
+    # The damping of the joint is a part of that of the loop, or all of it: then the proportional
+    # gain moves the joint against its damping, with the same slowest pole.
+    passive = needs.arm.assembly.least_damping
+    most = (_NEAR * near / lag + passive) / (2.0 * damping * inertia)
+    omega = np.minimum(factor * _frequency(needs), most)
+    total = np.maximum(2.0 * damping * omega * inertia, passive)
+    proportional = omega * total / (2.0 * damping)
     drive: Drive = {
         "kind": _JOINT_LOOPS[integral].replace(" ", "_").lower(),
-        "proportional": rounded(inertia * omega**2),
-        "derivative": rounded(2.0 * damping * omega * inertia),
+        "proportional": rounded(proportional),
+        "derivative": rounded(total - passive),
     }
     if integral:
-        drive["integral"] = rounded(_INTEGRAL * inertia * omega**3)
+        drive["integral"] = rounded(_INTEGRAL * omega * proportional)
         if needs.torque_limit is not None:
             drive["torque_limit"] = rounded(needs.torque_limit)
     return drive | {"sample_time": needs.sample_time}
