@@ -258,6 +258,45 @@ def test_joint_loops_are_limited_by_the_delay_of_the_drive():
     assert gains[0.01] < 0.5 * gains[0.0]
 
 
+def test_joint_loops_use_the_damping_of_their_joint():
+    """An encoder and a motor that are late, and a bearing that damps more than the inertia needs.
+
+    The gains for the inertia alone move the joint against this damping with a time constant of
+    more than 20 periods of the link.
+    """
+    hardware = fa.Hardware(
+        instruments=[fa.Instrument("joint_angle", rate_cutoff=10.0)],
+        motors=fa.Motors(delay=0.03),
+    )
+    needs = needs_of(one_link(damping=8.0), "point_to_point", hardware=hardware, sensors="joints")
+    (found,) = simplest_of(needs).values()
+    assert found.refusal == ""
+    assert found.margins["disk_margin"] > 0.4
+
+
+def test_the_damping_of_a_joint_and_its_friction_is_a_part_of_that_of_the_loop():
+    """2 zeta w J = damping + viscous friction + derivative gain, for a rigid link of inertia J.
+
+    A joint that is damped more moves with the slowest pole of the loop that it replaces.
+    """
+
+    def loops(**joint):
+        arm = chain([0.5], [joint], mass_per_length=8.0, flexible=False)
+        needs = needs_of(arm, "point_to_point", hardware=fa.Hardware(), duration=1.0)
+        return candidates_of(needs)[-1].drives
+
+    friction = fa.Friction(coulomb=0.0, viscous=3.0, viscous_negative=2.0)
+    for free, damped in zip(loops(), loops(damping=1.5, friction=friction), strict=True):
+        passive = 1.5 + 2.0  # the least of both directions
+        wanted = free["derivative"][0]
+        assert damped["derivative"][0] == pytest.approx(
+            max(wanted - passive, 0.0), abs=0.01 * wanted
+        )
+        slow = passive / wanted if passive > wanted else 1.0
+        expected = pytest.approx(slow * free["proportional"][0], rel=0.01)  # the gains are rounded
+        assert damped["proportional"][0] == expected
+
+
 @pytest.mark.thorough
 def test_three_links_have_a_linear_quadratic_design():
     """The tip does not determine three joints, so that their angles are weighted, too."""

@@ -103,6 +103,13 @@ class Assembly:
         coulomb, rise, *_, excess, _ = self.constants.friction[self.joint_body].T
         return np.asarray(coulomb + rise + np.maximum(excess, 0.0))
 
+    @property
+    def least_damping(self) -> FloatArray:
+        """Least viscous damping (joints,) N m s/rad of motors; N s/m of sliding joints."""
+        *_, viscous, _, excess = self.constants.friction[self.joint_body].T
+        rubbing = viscous + np.minimum(excess, 0.0)
+        return np.asarray(self.constants.joint_damping[self.joint_body] + rubbing)
+
     @cached_property
     def run_constants(self) -> ArmConstants:
         """Constants for states of runs, which contain the deflections of bristles.

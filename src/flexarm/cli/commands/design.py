@@ -127,14 +127,19 @@ def _errors_of(proposal: fa.ControllerDesign) -> object:
 
     table = proposal.table
     largest = float(table["score"].max())
-    factor, unit = (1.0, "N") if proposal.task == "force" else length_unit(largest)
+    pressed = proposal.task == "force"
+    factor, unit = (1.0, "N") if pressed else length_unit(largest)
     rows = []
     for name in table["candidate"].values:
         case = table.sel(candidate=name)
         without = "refused" if NOT_SIMULATED in str(case["failure"].values[0]) else "failed"
         values = *(factor * case["score"].values), float(case["torque_peak"].max())
         cells = [f"{value:.3g}" if isfinite(value) else without for value in values]
+        if pressed:
+            tip = 1e3 * float(case["tip_error_settled"].max())
+            cells.append(f"{tip:.3g}" if isfinite(tip) else without)
         rows.append([f"{name} *" if name == proposal.chosen else str(name), *cells])
     best = "the best one, which is refused" if proposal.refusal else "proposed"
     title = f"Task {proposal.task}: error in {unit} on each arm; * is {best}"
-    return numbers(title, ["candidate", *map(str, table["plant"].values), "peak N m"], rows)
+    heads = "candidate", *map(str, table["plant"].values), "peak N m", *["settled tip mm"] * pressed
+    return numbers(title, heads, rows)

@@ -51,7 +51,7 @@ _HUNDREDTH, _MOST_PERIODS = float(np.log(100.0)), 20.0
 #: damping ratios. Loops above half of that frequency bend the links more than they move them.
 _BANDWIDTHS, _DAMPINGS = (0.15, 0.25, 0.4, 0.6, 1.0, 1.5, 2.5), (0.7, 1.2)
 #: Largest derivative gain of a joint loop times its lag, relative to the inertia that a torque
-#: turns in it.
+#: turns in it. The damping of the joint itself has no lag.
 _NEAR = 0.7
 #: Frequencies and damping ratios of the joint loops inside strain feedback, which are stiff.
 _INNER, _INNER_DAMPING, _STRAIN_DAMPING = (1.0, 2.0, 3.0), 1.0, (0.3, 0.6)
@@ -85,7 +85,8 @@ _GENTLE = (
 )
 #: Least rigidity uncertainty of the designs: the model of a real arm is never exact.
 _SOME = 0.1
-#: Bandwidths of force loops relative to the lowest frequency with locked joints.
+#: Bandwidths of force loops relative to the lowest frequency with locked joints, which are tried in
+#: addition to the default of the law: with elastic joints that is less by a factor of ten.
 _FORCE = (0.4, 0.8, 1.4)
 #: Factors of the default damping of the tip, which is too high for some surfaces.
 _SOFTER = (1.0, 0.3, 0.1)
@@ -152,7 +153,8 @@ def _of_position(needs: Requirements) -> Iterator[Candidate]:
 
 def _of_force(needs: Requirements) -> Iterator[Candidate]:
     """Yield the candidates for a force on a surface."""
-    bandwidths = [float(f"{factor * _frequency(needs):.2g}") for factor in _FORCE]
+    default = HybridForce(needs.arm, **_times(needs)).force_integral
+    bandwidths = rounded([default, *np.multiply(_FORCE, _frequency(needs))], 2)
     if "force" in needs.sensors:
         normal = "It controls the measured force normal to the surface and the position along it."
         soft = "A soft spring and damper at the tip, with integral feedback of the force."
@@ -172,7 +174,7 @@ def _of_force(needs: Requirements) -> Iterator[Candidate]:
 
 def _damped(needs: Requirements, kind: type[HybridForce] | type[Impedance], factor: float) -> Drive:
     """Return a force controller with its default damping for the delay, times a factor."""
-    times = {"delay": float(f"{needs.rate_delay:.3g}"), "sample_time": needs.sample_time}
+    times = _times(needs)
     usual = vars(kind(needs.arm, **times))
     damping: Drive = {
         name: rounded([factor * usual[name]])[0]
@@ -180,6 +182,11 @@ def _damped(needs: Requirements, kind: type[HybridForce] | type[Impedance], fact
         if name in usual
     }
     return {"kind": kind.name, **damping, **times}
+
+
+def _times(needs: Requirements) -> dict[str, float]:
+    """Return the delay and the sample time (s) for which a force controller has its defaults."""
+    return {"delay": float(f"{needs.rate_delay:.3g}"), "sample_time": needs.sample_time}
 
 
 def _frequency(needs: Requirements) -> float:
@@ -212,14 +219,20 @@ def _joint_loop(needs: Requirements, factor: float, damping: float) -> Drive:
     """Return joint PD, or joint PID, which knows the limits of the motors."""
     lag, integral = needs.rate_delay + 0.5 * needs.sample_time, _integrates(needs)
     near, inertia = near_inertias(needs.arm, needs.postures, lag), _inertias(needs)
-    omega = np.minimum(factor * _frequency(needs), _NEAR * near / (2.0 * damping * lag * inertia))
+    # The damping of the joint is a part of that of the loop, or all of it: then the proportional
+    # gain moves the joint against its damping, with the same slowest pole.
+    passive = needs.arm.assembly.least_damping
+    most = (_NEAR * near / lag + passive) / (2.0 * damping * inertia)
+    omega = np.minimum(factor * _frequency(needs), most)
+    total = np.maximum(2.0 * damping * omega * inertia, passive)
+    proportional = omega * total / (2.0 * damping)
     drive: Drive = {
         "kind": _JOINT_LOOPS[integral].replace(" ", "_").lower(),
-        "proportional": rounded(inertia * omega**2),
-        "derivative": rounded(2.0 * damping * omega * inertia),
+        "proportional": rounded(proportional),
+        "derivative": rounded(total - passive),
     }
     if integral:
-        drive["integral"] = rounded(_INTEGRAL * inertia * omega**3)
+        drive["integral"] = rounded(_INTEGRAL * omega * proportional)
         if needs.torque_limit is not None:
             drive["torque_limit"] = rounded(needs.torque_limit)
     return drive | {"sample_time": needs.sample_time}

@@ -41,6 +41,7 @@ from flexarm.planning.proposals.candidates import (
 )
 from flexarm.planning.proposals.requirements import (
     AFTER,
+    MISSED,
     Requirements,
     case_of,
     quicker,
@@ -176,10 +177,11 @@ def design(
     the hardware at the start, in the middle and at the end of the motion, for the arm and for arms
     that differ from it as far as the uncertainty permits. The setting with the required margin and
     the fastest decay is simulated on the arm and on two others; the candidate with the least error
-    in the worst case is proposed, of errors below 1e-5 of the reach the simplest one. Refused are
-    loops that are unstable, also with twice the delay of the hardware, whose slowest vibration has
-    a damping ratio below 0.02, or that need more than 20 periods of the lowest frequency until an
-    error has fallen to a hundredth.
+    in the worst case is proposed, of errors below 1e-5 of the reach the simplest one; with a force,
+    one whose tip settles within 5 % of the path from its goal. Refused are loops that are unstable,
+    also with twice the delay of the hardware, whose slowest vibration has a damping ratio below
+    0.02, or that need more than 20 periods of the lowest frequency until an error has fallen to a
+    hundredth.
     Under gravity, or if dry friction would hold the joints away from the goal, all candidates have
     integral feedback. Under gravity they follow a reference of the bent arm.
 
@@ -321,7 +323,7 @@ def _cures(needs: Requirements, refused: bool) -> Iterator[tuple[Requirements, s
 def _wait_until_settled(content: dict[str, Any], found: Mapping[str, Assessed]) -> None:
     """Extend the runs until the loops have settled, and measure the error after that."""
     run = content["run"]
-    if run["settling"]:  # the tasks with a time after the motion
+    if {"point_to_point", "track"} & content["motions"].keys():
         accepted = [one for one in found.values() if not one.refusal]
         decay = min((-one.margins["growth"] for one in accepted), default=np.inf)
         least = run["settling"] * AFTER
@@ -385,12 +387,25 @@ def _table(
 def _chosen(needs: Requirements, found: Mapping[str, Assessed], table: xr.Dataset) -> str:
     """Return the candidate of least worst error, with the margin or stable on all arms first.
 
-    Of errors that the simulation does not resolve, the simplest candidate, which is the last one.
+    With a force, an accepted one whose tip settles at its goal is before one with the margin. Of
+    errors that the simulation does not resolve, the simplest candidate, which is the last one.
     """
     resolved = 0.0 if needs.task == "force" else _RESOLVED * needs.arm.reach
     worst = table["score"].fillna(np.inf).max("plant").clip(min=resolved)
-    names = reversed(list(found))
-    return min(names, key=lambda name: (_rank(found[name]), float(worst.sel(candidate=name))))
+
+    def cost(name: str) -> tuple[Any, ...]:
+        far = _tip_of(needs, table, name) > needs.farthest
+        rank = _rank(found[name])
+        return rank[0], far, rank, float(worst.sel(candidate=name))
+
+    return min(reversed(list(found)), key=cost)
+
+
+def _tip_of(needs: Requirements, table: xr.Dataset, name: str) -> float:
+    """Return the largest settled error (m) of the tip on a surface; 0 without a force."""
+    if needs.task != "force":
+        return 0.0
+    return float(table["tip_error_settled"].sel(candidate=name).max())
 
 
 def _rank(one: Assessed) -> tuple[bool, ...]:
@@ -414,19 +429,24 @@ def _refusal(
     score = table["score"].sel(candidate=chosen)
     if score.isnull().any():
         return f"No candidate is accepted: {chosen} does not complete its runs. {hint}"
-    if needs.task != "force" and score.max() > _MISSED * needs.arm.reach:
+    best = f"No candidate is accepted: {chosen}, the best one, is stable in the linear model, but "
+    if (tip := _tip_of(needs, table, chosen)) > needs.farthest:
+        other = ", or measure the force: hybrid force has an integral along the surface"
         return (
-            f"No candidate is accepted: {chosen}, the best one, is stable in the linear model, but "
-            f"its error ({_ERRORS[needs.task]}) is {_amount(needs, float(score.max()))}, more than "
-            f"{_MISSED:.0%} of the reach. Give the motion more time, or the motors more torque."
+            f"{best}its tip settles {length_text(tip)} from its goal, more than {MISSED:.0%} of "
+            f"the path. Reduce the uncertainty{other * ('force' not in needs.sensors)}."
+        )
+    if needs.task != "force" and score.max() > needs.farthest:
+        return (
+            f"{best}its error ({_ERRORS[needs.task]}) is {_amount(needs, float(score.max()))}, "
+            f"more than {MISSED:.0%} of the reach. Give the motion more time, or the motors more "
+            "torque."
         )
     return ""
 
 
 #: Error of the tip, relative to the reach, that a run by default does not resolve.
 _RESOLVED = 1e-5
-#: Error of the tip, relative to the reach, of runs that failed.
-_MISSED = 0.05
 #: Share of a run with a motor at its limit above which the reasons mention it.
 _LIMITED = 0.1
 
@@ -449,11 +469,13 @@ def reasons_of(
     """Return the sentences that explain a proposal."""
     worst = table["score"].max("plant", skipna=False)
     reason = next(one.reason for one in candidates if one.name == chosen)
-    result = _result(needs, table["score"].sel(candidate=chosen))
+    result = _result(needs, table, chosen)
     sentences = [f"{chosen} for the task {needs.task}: {result}. {reason}"]
     for name in found:
         if name != chosen:
-            sentences.append(_other(needs, name, found[name], float(worst.sel(candidate=name))))
+            tip = _tip_of(needs, table, name)
+            error = float(worst.sel(candidate=name))
+            sentences.append(_other(needs, name, found[name], error, tip))
     if found[chosen].stable:
         margins = found[chosen].margins
         places = "at the start, in the middle and at the end of the motion"
@@ -484,23 +506,27 @@ def reasons_of(
     return (*sentences, *_advice(needs))
 
 
-def _result(needs: Requirements, score: xr.DataArray) -> str:
+def _result(needs: Requirements, table: xr.Dataset, chosen: str) -> str:
     """Return the error of the proposal on the simulated arms, or the arms on which it fails."""
+    score = table["score"].sel(candidate=chosen)
     failed = score["plant"].values[np.isnan(score.values)]
     if failed.size:
         return f"it does not complete its run on {' and '.join(map(repr, map(str, failed)))}"
-    return (
-        f"{_ERRORS[needs.task]} at most {_amount(needs, float(score.max()))} on the simulated arms"
-    )
+    amount, tip = _amount(needs, float(score.max())), _tip_of(needs, table, chosen)
+    settled = f", settled error of the tip at most {length_text(tip)}," * (needs.task == "force")
+    return f"{_ERRORS[needs.task]} at most {amount}{settled} on the simulated arms"
 
 
-def _other(needs: Requirements, name: str, one: Assessed, worst: float) -> str:
+def _other(needs: Requirements, name: str, one: Assessed, worst: float, tip: float) -> str:
     """Return why another candidate is not proposed, or how near it is."""
     if refusal := one.refusal:
         return f"{name} {refusal}{' on one of the arms' * (not one.stable)}."
     if not np.isfinite(worst):
         return f"{name} does not complete its run on one of the arms."
     text = f"{name}: {_amount(needs, worst)}"
+    if needs.task == "force":
+        left = f", more than {MISSED:.0%} of the path" * (tip > needs.farthest)
+        text += f", and the tip settles {length_text(tip)} from its goal{left}"
     if one.margins["disk_margin"] < needs.disk_margin:
         text += f", with a disk margin of only {one.margins['disk_margin']:.2g}"
     return text + "."

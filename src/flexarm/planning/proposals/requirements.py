@@ -41,6 +41,8 @@ _TURN, _ELBOW = 0.5, 0.5
 #: arm without vibration, s.
 _PERIODS, _HELD_PERIODS, _RIGID_DURATION = 2.5, 5.0, 2.0
 _HIGHEST_UNCERTAINTY = 0.9
+#: Error of the tip, relative to the reach or the path on a surface, of runs that failed.
+MISSED = 0.05
 #: Longest sample time of a candidate, s. It is a time of the computer, not of the arm.
 _SAMPLE_TIME = 0.001
 #: Longest delay of the hardware in sample times: the analysis of the loop has a state for each
@@ -120,6 +122,12 @@ class Requirements:
         read = [item for item in self.hardware.instruments or () if "joint_rate" in item.labels]
         lags = (0.5 / (math.pi * item.rate_cutoff) for item in read if item.rate_cutoff)
         return self.delay + sum(lags)
+
+    @property
+    def farthest(self) -> float:
+        """Largest error (m) of the tip of an accepted loop; with a force, the settled error."""
+        force = self.task == "force"
+        return MISSED * (float(np.hypot(*(self.end - self.start))) if force else self.arm.reach)
 
     @property
     def heavy(self) -> bool:
@@ -345,6 +353,8 @@ _DISTURBED = 0.01
 #: Time before the motion in periods of the lowest frequency; with a force, which is zero at the
 #: start; and time after the motion.
 _BEFORE, _BEFORE_PRESSED, AFTER = 0.2, 2.0, 3.0
+#: Time after the motion of the task "force", likewise: its tip moves slowly along the surface.
+_AFTER_PRESSED = 20.0
 #: Recorded samples in a period of the lowest frequency.
 _RATE = 150.0
 
@@ -377,8 +387,9 @@ def case_of(needs: Requirements) -> dict[str, Any]:
     motion = content["motions"][needs.task]
     moved = motion.get("path", motion)
     end = moved["start_time"] + moved["duration"]
-    after = 0.0 if needs.task in ("hold", "force") else float(f"{AFTER * needs.period:.2g}")
-    settling = float(f"{after / AFTER:.2g}")
+    periods = {"hold": 0.0, "force": _AFTER_PRESSED}.get(needs.task, AFTER)
+    after = float(f"{periods * needs.period:.2g}")
+    settling = float(f"{after * (1.0 - 1.0 / AFTER if needs.task == 'force' else 1.0 / AFTER):.2g}")
     (duration,), (rate,) = rounded([end + after], 6), rounded([_RATE / needs.period], 1)
     content["run"] = {"duration": duration, "rate": rate, "settling": settling}
     return content
