@@ -348,3 +348,58 @@ def test_growth_is_an_attribute_of_the_result_and_a_metric_of_comparisons():
     expected = fa.loop_margins(law, arm, postures).growth.max()
     assert table.growth.item() == pytest.approx(expected.item(), rel=1e-5)
     assert table.growth.units == "1/s"
+
+
+class AccelerationFeedback(fa.JointPD):
+    """Joint control that adds the acceleration of the tip to the torque of joint 1."""
+
+    def __init__(self, gain):
+        super().__init__([40.0, 10.0], [4.0, 0.5])
+        self.gain = gain
+
+    def step(self, memory, readings, inputs):
+        memory, torque = super().step(memory, readings, inputs)
+        return memory, torque + [self.gain * readings.accelerometer[1], 0.0]
+
+
+ACCELEROMETER = fa.Instrument(fa.Sensor("acceleration", link=2, name="accelerometer"))
+
+
+def test_sensors_and_torques_that_no_law_reads_do_not_end_the_analysis():
+    arm = paper_arm(hub_inertia=0.1)
+    law, start = fa.JointPD([40.0, 10.0], [4.0, 0.5]), arm.rest([0.3, 0.8])
+    motors, joints = fa.Motors(delay=0.02), [fa.Instrument(k) for k in ("joint_angle", "joint_rate")]
+    growth = [
+        stability(AnalysedLoop(arm, arm, law, None, hardware, (), start, 1.0)).growth
+        for hardware in (
+            fa.Hardware(joints, motors=motors),
+            fa.Hardware([*joints, ACCELEROMETER, fa.Instrument("torque")], motors=motors),
+        )
+    ]
+    assert growth[0] > 10.0
+    assert growth[1] == pytest.approx(growth[0], rel=1e-9)
+
+
+def test_growth_with_an_accelerometer_is_that_of_the_run():
+    """Without the feedback it would be half as large."""
+    arm = paper_arm(hub_inertia=0.1)
+    law, motion = AccelerationFeedback(1.0), fa.joint_motion(arm, [0.3, 0.8], [0.3, 0.8], 10.0)
+    instruments = [fa.Instrument("joint_angle"), fa.Instrument("joint_rate"), ACCELEROMETER]
+    start = arm.rest([0.3, 0.8])
+    start[arm.joint_index] += 1e-10
+    with pytest.warns(fa.UnstableLoopWarning):
+        run = fa.simulate(
+            arm,
+            0.8,
+            controller=law,
+            reference=motion,
+            hardware=fa.Hardware(instruments, motors=fa.Motors(time_constant=2e-3)),
+            initial=start,
+            rate=1000.0,
+            rtol=1e-10,
+            atol=1e-15,
+        )
+    # Slower growing poles are at lower frequencies; the pole at 180 Hz dominates accelerations.
+    size = np.abs(np.diff(run.torque.values[:, 0]))
+    early, late = size[450:550].max(), size[700:800].max()
+    assert np.log(late / early) / 0.25 == pytest.approx(run.attrs["loop_growth"], rel=0.02)

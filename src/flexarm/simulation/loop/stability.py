@@ -24,7 +24,7 @@ from flexarm.control.contract.base import Controller, Reference, has_poles
 from flexarm.control.design.rigid_model import values_of
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.control.hardware.sampled_plant import Signal
-from flexarm.model import Contact, Hardware, Instrument, Sensor
+from flexarm.model import Contact, Hardware, Instrument
 from flexarm.simulation.run.changes import ChangedArm
 
 #: Inertias of a motor, relative to that of its link about the joint, that are tried as a cure.
@@ -86,15 +86,12 @@ def loop_poles(
     each changed arm. Equal arms are analysed once at each posture.
 
     Not analysed, and left out, are controllers that have no ``step``, cannot be copied
-    or fail in the analysis, and instruments that read a `Sensor` or a torque.
+    or fail in the analysis.
     """
     plant, duration = loop.plant, loop.duration
     if not has_poles(loop.controller):
         return []
     instruments = instruments_of(plant, loop.hardware, len(loop.contacts))
-    signals = signals_of(instruments)
-    if any(isinstance(item, Sensor) or item == "torque" for item in signals):
-        return []
     end = min(float(getattr(loop.reference, "end_time", 0.0) or 0.0), duration)
     first = ChangedArm(plant, 0.0, changed[0].begin if changed else duration, "")
     passed = _passed(loop.reference, end)
