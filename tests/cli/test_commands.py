@@ -50,7 +50,7 @@ def test_check_prints_a_summary(good):
 
 def test_check_prints_instruments_and_motors_and_run_the_time_at_the_limits(good):
     good.write_text(
-        ONE_LINK
+        ONE_LINK.replace("motion:", "  joints: [{hub_inertia: 0.1}]\nmotion:")
         + "drive: {kind: joint_pd, proportional: 2.0, derivative: 0.4}\n"
         + "hardware:\n"
         + "  instruments:\n"
@@ -138,6 +138,15 @@ def test_check_reports_an_unstable_pole(good):
     summary = json.loads(invoke("check", good, "--json").stdout)
     assert f"warning: {' '.join(summary['warnings'])}" == " ".join(outcome.stderr.split())
     assert summary["conclusion"] == outcome.stdout.splitlines()[-1] == "ok, but for the warning"
+
+
+def test_check_calls_a_loop_without_feedback_neutral(good):
+    rigid = ONE_LINK.replace("flexural_rigidity: 10", "flexible: false")
+    rigid = rigid.replace(", elements: 4, modes: 3", "")
+    drive = "drive: {kind: joint_pd, proportional: 0.0, derivative: 0.0}\n"
+    good.write_text(f"{rigid}{drive}run: {{duration: 1.0}}\n")
+    words = " ".join(invoke("check", good).stdout.split())
+    assert "loop neutral at the start: a pole at 0 Hz neither grows nor decays; neutral at" in words
 
 
 @pytest.mark.thorough

@@ -368,7 +368,10 @@ ACCELEROMETER = fa.Instrument(fa.Sensor("acceleration", link=2, name="accelerome
 def test_sensors_and_torques_that_no_law_reads_do_not_end_the_analysis():
     arm = paper_arm(hub_inertia=0.1)
     law, start = fa.JointPD([40.0, 10.0], [4.0, 0.5]), arm.rest([0.3, 0.8])
-    motors, joints = fa.Motors(delay=0.02), [fa.Instrument(k) for k in ("joint_angle", "joint_rate")]
+    motors, joints = (
+        fa.Motors(delay=0.02),
+        [fa.Instrument(k) for k in ("joint_angle", "joint_rate")],
+    )
     growth = [
         stability(AnalysedLoop(arm, arm, law, None, hardware, (), start, 1.0)).growth
         for hardware in (
@@ -403,3 +406,23 @@ def test_growth_with_an_accelerometer_is_that_of_the_run():
     size = np.abs(np.diff(run.torque.values[:, 0]))
     early, late = size[450:550].max(), size[700:800].max()
     assert np.log(late / early) / 0.25 == pytest.approx(run.attrs["loop_growth"], rel=0.02)
+
+
+class Unused(IntegratingStep):
+    """Joint control with a sum of angles in its memory that no torque depends on."""
+
+    def step(self, memory, readings, inputs):
+        memory, _ = super().step(memory, readings, inputs)
+        return memory, fa.JointPD.step(self, {}, readings, inputs)[1]
+
+
+def test_an_integral_that_no_torque_depends_on_is_not_the_slowest_pole():
+    arm = paper_arm(hub_inertia=0.1, housing_inertia=0.05)
+    start, gains = arm.rest([0.3, 0.8]), ([60.0, 20.0], [12.0, 4.0])
+    used, unused = (
+        loop_poles(AnalysedLoop(arm, arm, law, None, None, (), start, 1.0))[0]
+        for law in (fa.JointPD(*gains), Unused(*gains))
+    )
+    assert used.growth < -0.1
+    assert unused.growth == pytest.approx(used.growth, rel=1e-6)
+    assert unused.frequency == pytest.approx(used.frequency, rel=1e-6)

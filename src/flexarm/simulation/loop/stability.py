@@ -11,7 +11,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
 from flexarm.control.analysis.linear_controller import FrozenReference
-from flexarm.control.analysis.margins import without_friction
+from flexarm.control.analysis.margins import ROUNDED_GROWTH, without_friction
 from flexarm.control.analysis.sampled_loop import (
     PlantModel,
     instruments_of,
@@ -47,7 +47,7 @@ class LoopPole(NamedTuple):
     """The fastest growing, or slowest decaying, pole of a sampled loop at one posture."""
 
     when: str  # the time of the posture, in words
-    growth: float  # 1/s; negative for a decay
+    growth: float  # 1/s; negative for a decay, zero if rounding may have caused it
     frequency: float  # Hz
     magnitude: float  # of the pole of the sampled loop
     begin: float  # s, of the part of the run in which the arm is simulated, or passes the posture
@@ -287,6 +287,10 @@ def _worst(
 
     believed = model_of(arm) if arm is not plant and len(arm.gauges) == len(plant.gauges) else None
     loop = loop_of(controller, model_of(plant), instruments, hardware, still, t, believed, rate)
-    z = loop.multipliers()[0]
+    multipliers = loop.multipliers()
+    # An integral that no torque depends on keeps its value: this is not a motion of the loop.
+    moving = multipliers[np.abs(multipliers - 1.0) > ROUNDED_GROWTH]
+    z = moving[0] if moving.size else multipliers[0]
     pole = np.log(z) / loop.sample_time
-    return float(pole.real), float(abs(pole.imag)) / (2.0 * np.pi), float(abs(z))
+    growth = float(pole.real) if abs(pole.real) * loop.sample_time > ROUNDED_GROWTH else 0.0
+    return growth, float(abs(pole.imag)) / (2.0 * np.pi), float(abs(z))
