@@ -9,9 +9,10 @@ from typer.testing import CliRunner
 import flexarm as fa
 from arms import laboratory_arm, table_one_arm
 from flexarm.cases.scenario.scenario import prepare
+from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.cli.main import app
 from flexarm.control.contract.base import has_poles
-from flexarm.model import load_scenario
+from flexarm.model import load_scenario, locate_study
 from flexarm.simulation.loop.stability import AnalysedLoop, loop_poles, stability
 
 GAINS = [300.0, 80.0], [25.0, 6.0]
@@ -426,3 +427,34 @@ def test_an_integral_that_no_torque_depends_on_is_not_the_slowest_pole():
     assert used.growth < -0.1
     assert unused.growth == pytest.approx(used.growth, rel=1e-6)
     assert unused.frequency == pytest.approx(used.frequency, rel=1e-6)
+
+
+def test_slow_instabilities_are_reported_in_the_same_words_everywhere(tmp_path):
+    """Growth of 1.1 1/s in a run of 1 s: by the check of a scenario and of a study, and by
+    comparisons."""
+    joints = "{signal: joint_angle}, {signal: joint_rate}"
+    late = f"hardware: {{instruments: [{joints}], motors: {{delay: 4 ms}}}}"
+    link = "flexural_rigidity: 105.0, mass_per_length: 0.61732"
+    head = f"""
+flexarm: 1
+arm:
+  links: [{{length: 1.4142, elements: 2, {link}}}, {{length: 1.0, elements: 1, {link}}}]
+  joints: [{{hub_inertia: 0.1}}, {{hub_inertia: 0.1}}]
+"""
+    motion = "{kind: joint, start: [0.3, 0.8], end: [0.3, 0.8], duration: 0.5}"
+    drive = "{kind: joint_pd, proportional: [4, 1], derivative: [0.5, 0.05], reference: rigid}"
+    run = "run: {duration: 1.0, rate: 100}"
+    paths = tmp_path / "scenario.yaml", tmp_path / "study.yaml"
+    paths[0].write_text(
+        f"{head}motion: {motion}\ndrive: {drive}\n{late}\n{run}\n", encoding="utf-8"
+    )
+    plants = f"plants:\n  good: {{}}\n  late:\n    {late}\n"
+    named = f"motions: {{rest: {motion}}}\ndrives: {{pd: {drive}}}\n{plants}"
+    paths[1].write_text(f"{head}{named}{run}\n", encoding="utf-8")
+    scenario, study = prepare(load_scenario(paths[0])), PreparedStudy(*locate_study(paths[1]))
+    text = scenario.stability().slow
+    assert "slowly unstable at the start" in text
+    assert scenario.run().attrs["slow_instability"] == text
+    assert study.unstable_loops() == {"pd on late along rest": text}
+    table = study.run()
+    assert table["warning"].values.ravel().tolist() == ["", text]
