@@ -360,7 +360,7 @@ class AccelerationFeedback(fa.JointPD):
 
     def step(self, memory, readings, inputs):
         memory, torque = super().step(memory, readings, inputs)
-        return memory, torque + [self.gain * readings.accelerometer[1], 0.0]
+        return memory, torque + np.array([self.gain * readings.accelerometer[1], 0.0])
 
 
 ACCELEROMETER = fa.Instrument(fa.Sensor("acceleration", link=2, name="accelerometer"))
