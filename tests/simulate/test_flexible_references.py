@@ -8,7 +8,7 @@ import pytest
 import flexarm as fa
 from arms import ROD, laboratory_arm
 from flexarm.cases.scenario.scenario import prepare
-from flexarm.model import Scenario
+from flexarm.model import Scenario, load_scenario
 from flexarm.model.checks import checked_arguments
 
 
@@ -321,6 +321,35 @@ run: {duration: 0.1, rate: 100}
         assert run.attrs["reference_kind"].startswith(kind)
         kept = [w for w in warned if "the drive keeps the sag of the links" in str(w.message)]
         assert len(kept) == (kind == "rigid: "), [str(w.message) for w in warned]
+
+
+@pytest.mark.parametrize("drive", ["joint_pd, ", "joint_pid, integral: 3, "])
+@pytest.mark.parametrize(
+    ("gravity", "end", "reference", "kind"),
+    [(-9.81, -0.1, "", "rigid: "), (0.0, -0.1, "", "rigid: "), (-9.81, 0.25, "", "quasi_static"),
+     (-9.81, -0.1, ", reference: rigid", "rigid")],
+)  # fmt: skip
+def test_gains_on_joints_warn_where_the_default_reference_is_rigid_under_gravity(
+    tmp_path, drive, gravity, end, reference, kind
+):
+    """Joint 2 passes zero, where the bent reference is singular."""
+    path = tmp_path / "s.yaml"
+    path.write_text(f"""
+flexarm: 1
+arm:
+  gravity: [0, {gravity}]
+  links: [{{length: 0.8, flexural_rigidity: 60, mass_per_length: 0.5, modes: 1}},
+          {{length: 0.6, flexural_rigidity: 60, mass_per_length: 0.4, modes: 1}}]
+motion: {{kind: joint, start: [0.2, 0.3], end: [0.4, {end}], duration: 0.5}}
+drive: {{kind: {drive}proportional: 20, derivative: 1{reference}}}
+run: {{duration: 0.1, rate: 100}}
+""")
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        prepared = prepare(load_scenario(path))
+    assert prepared.followed.kind.startswith(kind)
+    kept = [w for w in warned if "the drive keeps the sag of the links" in str(w.message)]
+    assert len(kept) == (kind == "rigid: " and gravity != 0.0)
 
 
 def test_scenarios_with_every_controller_run(tmp_path):

@@ -9,9 +9,10 @@ from typer.testing import CliRunner
 import flexarm as fa
 from arms import laboratory_arm, table_one_arm
 from flexarm.cases.scenario.scenario import prepare
+from flexarm.cases.scenario.study import PreparedStudy
 from flexarm.cli.main import app
 from flexarm.control.contract.base import has_poles
-from flexarm.model import load_scenario
+from flexarm.model import load_scenario, locate_study
 from flexarm.simulation.loop.stability import AnalysedLoop, loop_poles, stability
 
 GAINS = [300.0, 80.0], [25.0, 6.0]
@@ -348,3 +349,112 @@ def test_growth_is_an_attribute_of_the_result_and_a_metric_of_comparisons():
     expected = fa.loop_margins(law, arm, postures).growth.max()
     assert table.growth.item() == pytest.approx(expected.item(), rel=1e-5)
     assert table.growth.units == "1/s"
+
+
+class AccelerationFeedback(fa.JointPD):
+    """Joint control that adds the acceleration of the tip to the torque of joint 1."""
+
+    def __init__(self, gain):
+        super().__init__([40.0, 10.0], [4.0, 0.5])
+        self.gain = gain
+
+    def step(self, memory, readings, inputs):
+        memory, torque = super().step(memory, readings, inputs)
+        return memory, torque + np.array([self.gain * readings.accelerometer[1], 0.0])
+
+
+ACCELEROMETER = fa.Instrument(fa.Sensor("acceleration", link=2, name="accelerometer"))
+
+
+def test_sensors_and_torques_that_no_law_reads_do_not_end_the_analysis():
+    arm = paper_arm(hub_inertia=0.1)
+    law, start = fa.JointPD([40.0, 10.0], [4.0, 0.5]), arm.rest([0.3, 0.8])
+    motors, joints = (
+        fa.Motors(delay=0.02),
+        [fa.Instrument(k) for k in ("joint_angle", "joint_rate")],
+    )
+    growth = [
+        stability(AnalysedLoop(arm, arm, law, None, hardware, (), start, 1.0)).growth
+        for hardware in (
+            fa.Hardware(joints, motors=motors),
+            fa.Hardware([*joints, ACCELEROMETER, fa.Instrument("torque")], motors=motors),
+        )
+    ]
+    assert growth[0] > 10.0
+    assert growth[1] == pytest.approx(growth[0], rel=1e-9)
+
+
+def test_growth_with_an_accelerometer_is_that_of_the_run():
+    """Without the feedback it would be half as large."""
+    arm = paper_arm(hub_inertia=0.1)
+    law, motion = AccelerationFeedback(1.0), fa.joint_motion(arm, [0.3, 0.8], [0.3, 0.8], 10.0)
+    instruments = [fa.Instrument("joint_angle"), fa.Instrument("joint_rate"), ACCELEROMETER]
+    start = arm.rest([0.3, 0.8])
+    start[arm.joint_index] += 1e-10
+    with pytest.warns(fa.UnstableLoopWarning):
+        run = fa.simulate(
+            arm,
+            0.8,
+            controller=law,
+            reference=motion,
+            hardware=fa.Hardware(instruments, motors=fa.Motors(time_constant=2e-3)),
+            initial=start,
+            rate=1000.0,
+            rtol=1e-10,
+            atol=1e-15,
+        )
+    # Slower growing poles are at lower frequencies; the pole at 180 Hz dominates accelerations.
+    size = np.abs(np.diff(run.torque.values[:, 0]))
+    early, late = size[450:550].max(), size[700:800].max()
+    assert np.log(late / early) / 0.25 == pytest.approx(run.attrs["loop_growth"], rel=0.02)
+
+
+class Unused(IntegratingStep):
+    """Joint control with a sum of angles in its memory that no torque depends on."""
+
+    def step(self, memory, readings, inputs):
+        memory, _ = super().step(memory, readings, inputs)
+        return memory, fa.JointPD.step(self, {}, readings, inputs)[1]
+
+
+def test_an_integral_that_no_torque_depends_on_is_not_the_slowest_pole():
+    arm = paper_arm(hub_inertia=0.1, housing_inertia=0.05)
+    start, gains = arm.rest([0.3, 0.8]), ([60.0, 20.0], [12.0, 4.0])
+    used, unused = (
+        loop_poles(AnalysedLoop(arm, arm, law, None, None, (), start, 1.0))[0]
+        for law in (fa.JointPD(*gains), Unused(*gains))
+    )
+    assert used.growth < -0.1
+    assert unused.growth == pytest.approx(used.growth, rel=1e-6)
+    assert unused.frequency == pytest.approx(used.frequency, rel=1e-6)
+
+
+def test_slow_instabilities_are_reported_in_the_same_words_everywhere(tmp_path):
+    """Growth of 1.1 1/s in a run of 1 s: by the check of a scenario and of a study, and by
+    comparisons."""
+    joints = "{signal: joint_angle}, {signal: joint_rate}"
+    late = f"hardware: {{instruments: [{joints}], motors: {{delay: 4 ms}}}}"
+    link = "flexural_rigidity: 105.0, mass_per_length: 0.61732"
+    head = f"""
+flexarm: 1
+arm:
+  links: [{{length: 1.4142, elements: 2, {link}}}, {{length: 1.0, elements: 1, {link}}}]
+  joints: [{{hub_inertia: 0.1}}, {{hub_inertia: 0.1}}]
+"""
+    motion = "{kind: joint, start: [0.3, 0.8], end: [0.3, 0.8], duration: 0.5}"
+    drive = "{kind: joint_pd, proportional: [4, 1], derivative: [0.5, 0.05], reference: rigid}"
+    run = "run: {duration: 1.0, rate: 100}"
+    paths = tmp_path / "scenario.yaml", tmp_path / "study.yaml"
+    paths[0].write_text(
+        f"{head}motion: {motion}\ndrive: {drive}\n{late}\n{run}\n", encoding="utf-8"
+    )
+    plants = f"plants:\n  good: {{}}\n  late:\n    {late}\n"
+    named = f"motions: {{rest: {motion}}}\ndrives: {{pd: {drive}}}\n{plants}"
+    paths[1].write_text(f"{head}{named}{run}\n", encoding="utf-8")
+    scenario, study = prepare(load_scenario(paths[0])), PreparedStudy(*locate_study(paths[1]))
+    text = scenario.stability().slow
+    assert "slowly unstable at the start" in text
+    assert scenario.run().attrs["slow_instability"] == text
+    assert study.unstable_loops() == {"pd on late along rest": text}
+    table = study.run()
+    assert table["warning"].values.ravel().tolist() == ["", text]

@@ -334,3 +334,11 @@ def test_truth_values_of_a_memory_are_constant():
         found = linear_controller(Switched(), measured)
         np.testing.assert_allclose(found.A, [[1.0]], atol=1e-9)  # rounding of differences
         np.testing.assert_allclose(found.C, [[gain]], atol=1e-9)
+
+
+def test_times_that_are_no_numbers_are_called_times():
+    """With a reference, ``postures`` are times; two joint angles each are not."""
+    arm = soft(6.0, 0.1)
+    motion = fa.joint_motion(arm, POSTURE, POSTURE, 1.0)
+    with pytest.raises(fa.InputError, match=r"postures, with a reference its times \(s\), must"):
+        fa.loop_margins(fa.JointPD(1.0, 1.0), arm, [POSTURE], reference=motion)

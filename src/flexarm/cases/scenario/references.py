@@ -150,7 +150,7 @@ def reference_of(arm: Arm, drive: drives.ControllerDrive, motion: TaskReference 
         try:
             return _quasi_static(arm, motion, "quasi_static" if kind is None else "static")
         except FlexarmError as error:
-            if kind == "sag":
+            if any(arm.spec.gravity):
                 text = "the drive keeps the sag of the links, because no static reference exists"
                 warn_caller(f"{text}: {error}", AccuracyWarning)
             return _rigid(arm, motion, f": {error}", followed=True)

@@ -99,13 +99,12 @@ class PreparedStudy:
 
     def unstable_loops(self) -> dict[str, str]:
         """Describe the unstable sampled loops, by "drive on plant along motion"."""
-        texts = {
-            f"{drive} on {plant} along {motion}": prepared.stability(
-                arm, self.hardware_of(plant), self.study.plants[plant].changes
-            ).text
-            for (drive, motion), prepared in self._prepared.items()
-            for plant, arm in self.plants.items()
-        }
+        texts = {}
+        for (drive, motion), prepared in self._prepared.items():
+            for plant, arm in self.plants.items():
+                changes = self.study.plants[plant].changes
+                loop = prepared.stability(arm, self.hardware_of(plant), changes)
+                texts[f"{drive} on {plant} along {motion}"] = loop.text or loop.slow
         return {name: text for name, text in texts.items() if text}
 
     def one(

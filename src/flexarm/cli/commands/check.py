@@ -201,8 +201,10 @@ def _about_integrator(arm: fa.Arm, options: Mapping[str, Any] | None = None) -> 
 
 def _pole(pole: LoopPole) -> str:
     """Describe the sampled loop at the start or at the end of a motion."""
+    if pole.growth == 0.0:
+        return f"neutral {pole.when}: a pole at {pole.frequency:.3g} Hz neither grows nor decays"
     grows = pole.growth > 0.0
-    time = log(10.0) / max(abs(pole.growth), 1e-12)
+    time = log(10.0) / abs(pole.growth)
     changes = f"the {'fastest' if grows else 'slowest'} pole, at {pole.frequency:.3g} Hz,"
     changes += f" {'grows' if grows else 'decays'} tenfold in {time:.2g} s"
     return f"{'unstable' if grows else 'stable'} {pole.when}: {changes}"

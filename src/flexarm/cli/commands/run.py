@@ -77,7 +77,7 @@ def run(
     values = _values(result) | {"errors": {} if quiet and not json else _errors(result, prepared)}
     if not silent:
         console().print(facts(_summary(values, expected="event_name" in result)))
-    for text in warnings_of(result):
+    for text in filter(None, [result.attrs.get("slow_instability"), *warnings_of(result)]):
         warn(text)
         texts.append(text)
     outputs = {"result": out, "plot": plot, "animation": animate}

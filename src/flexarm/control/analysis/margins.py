@@ -277,7 +277,7 @@ def places_of(
     """Return the times (s) of the reference and the postures (joints,) of the linearisations."""
     if reference is not None:
         given = getattr(reference, "start_time", 0.0) if postures is None else postures
-        times = np.atleast_1d(check_each(name, given))
+        times = np.atleast_1d(check_each(f"{name}, with a reference its times (s),", given))
         if not times.size:
             raise InputError(Problem(name, "are empty"))
         return [(float(t), np.asarray(reference.joint_angle(float(t)))) for t in times]

@@ -83,7 +83,8 @@ def compare(
     Returns:
         Dataset (controller, plant, reference) of ``flexarm.simulation.calls.metrics.METRICS``, and
         ``failure``: why a run stopped early, or empty. The metrics of such a run are NaN.
-        ``warning``: warnings of a run (as in `simulate`, or an inconsistent estimator), or empty.
+        ``warning``: warnings of a run (as in `simulate`, of an inconsistent estimator or of slow
+        growth of its loop), or empty.
 
     Raises:
         InputError: if there are no controllers or references, a plant is neither an arm nor an arm
@@ -226,7 +227,8 @@ def evaluated(
         failure = f"ended by the event {result.attrs['ended_by']!r}"
         return Evaluation(failure=failure, unstable=unstable)
     metrics = metrics_of(result, arm, reference, settling)
-    return Evaluation(metrics, "", " ".join(warnings_of(result)), unstable)
+    texts = [result.attrs.get("slow_instability"), *warnings_of(result)]
+    return Evaluation(metrics, "", " ".join(filter(None, texts)), unstable)
 
 
 def inconsistent(result: xr.Dataset) -> bool:

@@ -168,7 +168,8 @@ def simulate(
             of the reach by default, or if a linear law keeps the sag of the links at rest.
         UnstableLoopWarning: if the sampled loop is unstable at the start or the end of the motion,
             at a posture that it passes, or after a change of the arm, with growth by a factor of
-            ten or more within the run. The attribute ``loop_growth`` (1/s) is the largest one.
+            ten or more within the run. The attribute ``loop_growth`` (1/s) is the largest one;
+            ``slow_instability`` describes smaller growth, or is empty.
         LimitWarning: if the error of a joint grows by much while its motor is at its limit, an
             instrument is at its limit for a tenth of its frames, or a joint stop or a contact is
             implausibly deep.
@@ -286,7 +287,7 @@ def _open_loop(
 
 def _closed_loop(run: Run, loop: ClosedLoop, analysis: Callable[..., Stability]) -> xr.Dataset:
     """Execute a run with a controller."""
-    unstable, growth, *_ = analysis()
+    unstable, growth, slow, _ = analysis()
     if unstable and run.changes is None:
         warn_caller(unstable, UnstableLoopWarning)
     started = time.perf_counter()
@@ -297,12 +298,13 @@ def _closed_loop(run: Run, loop: ClosedLoop, analysis: Callable[..., Stability])
     except SimulationError as error:
         failure = error
     if run.changes is not None:  # the times of changes at events are known now
-        unstable, growth, *_ = analysis(changed=run.changed_arms())
+        unstable, growth, slow, _ = analysis(changed=run.changed_arms())
         if unstable:
             warn_caller(unstable, UnstableLoopWarning)
     if failure is None:
         compare()
-        return add_loop(_result(run, loop, started, "hold", "", unstable), loop, growth)
+        result = _result(run, loop, started, "hold", "", unstable)
+        return add_loop(result, loop, growth).assign_attrs(slow_instability=slow)
     # A bound that does not hold, or an instability, is the cause of every later failure.
     causes = filter(None, [exceeded_bound(loop.report()), unstable])
     failure.hint = " ".join(f"{text[0].upper()}{text[1:]}" for text in causes) or failure.hint

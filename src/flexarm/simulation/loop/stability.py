@@ -11,7 +11,7 @@ import numpy as np
 from flexarm.arm.arm import Arm
 from flexarm.arm.bending import one_warning
 from flexarm.control.analysis.linear_controller import FrozenReference
-from flexarm.control.analysis.margins import without_friction
+from flexarm.control.analysis.margins import ROUNDED_GROWTH, without_friction
 from flexarm.control.analysis.sampled_loop import (
     PlantModel,
     instruments_of,
@@ -24,7 +24,7 @@ from flexarm.control.contract.base import Controller, Reference, has_poles
 from flexarm.control.design.rigid_model import values_of
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.control.hardware.sampled_plant import Signal
-from flexarm.model import Contact, Hardware, Instrument, Sensor
+from flexarm.model import Contact, Hardware, Instrument
 from flexarm.simulation.run.changes import ChangedArm
 
 #: Inertias of a motor, relative to that of its link about the joint, that are tried as a cure.
@@ -47,7 +47,7 @@ class LoopPole(NamedTuple):
     """The fastest growing, or slowest decaying, pole of a sampled loop at one posture."""
 
     when: str  # the time of the posture, in words
-    growth: float  # 1/s; negative for a decay
+    growth: float  # 1/s; negative for a decay, zero if rounding may have caused it
     frequency: float  # Hz
     magnitude: float  # of the pole of the sampled loop
     begin: float  # s, of the part of the run in which the arm is simulated, or passes the posture
@@ -86,15 +86,12 @@ def loop_poles(
     each changed arm. Equal arms are analysed once at each posture.
 
     Not analysed, and left out, are controllers that have no ``step``, cannot be copied
-    or fail in the analysis, and instruments that read a `Sensor` or a torque.
+    or fail in the analysis.
     """
     plant, duration = loop.plant, loop.duration
     if not has_poles(loop.controller):
         return []
     instruments = instruments_of(plant, loop.hardware, len(loop.contacts))
-    signals = signals_of(instruments)
-    if any(isinstance(item, Sensor) or item == "torque" for item in signals):
-        return []
     end = min(float(getattr(loop.reference, "end_time", 0.0) or 0.0), duration)
     first = ChangedArm(plant, 0.0, changed[0].begin if changed else duration, "")
     passed = _passed(loop.reference, end)
@@ -290,6 +287,10 @@ def _worst(
 
     believed = model_of(arm) if arm is not plant and len(arm.gauges) == len(plant.gauges) else None
     loop = loop_of(controller, model_of(plant), instruments, hardware, still, t, believed, rate)
-    z = loop.multipliers()[0]
+    multipliers = loop.multipliers()
+    # An integral that no torque depends on keeps its value: this is not a motion of the loop.
+    moving = multipliers[np.abs(multipliers - 1.0) > ROUNDED_GROWTH]
+    z = moving[0] if moving.size else multipliers[0]
     pole = np.log(z) / loop.sample_time
-    return float(pole.real), float(abs(pole.imag)) / (2.0 * np.pi), float(abs(z))
+    growth = float(pole.real) if abs(pole.real) * loop.sample_time > ROUNDED_GROWTH else 0.0
+    return growth, float(abs(pole.imag)) / (2.0 * np.pi), float(abs(z))
