@@ -189,11 +189,11 @@ class Recorder:
         variables, arm = dict[str, Any](), self._batch.runs.arms[0]
         for name, values in self._channels.items():
             dims = "run", "time", *CHANNELS[name].dims
-            variables[name] = dims, values, channel_labels(arm, name)
+            variables[name] = dims, values, channel_labels(arm, CHANNELS[name])
         for name, item in self._reductions.items():
             variables[name] = (("run", *item.dims), self._reduced[name], item.labels)
         limits = {name: self._limits[name] for name in LIMITS if name in self._limits}
-        variables |= limit_variables(limits, ("run",))
+        variables |= limit_variables(arm, limits, ("run",))
         variables["end_time"] = ("run", self._end, _END_TIME)
         for name, meaning in COUNTS.items():
             variables[name] = ("run", self._numbers[name], {"long_name": meaning})

@@ -64,7 +64,7 @@ _LIMITS = (
     Channel(
         "longest_reading_saturation", ("instrument",), "s", "longest time of a reading at its limit"
     ),
-    Channel("stop_depth", ("joint",), "rad", "largest angle beyond the stops, at the samples"),
+    Channel("stop_depth", ("joint",), "rad", "largest motion beyond the stops, at the samples"),
     Channel(
         "stop_hits",
         ("joint",),
