@@ -28,7 +28,7 @@ from flexarm.kernels.compilation.cache import can_compile
 from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_X, ROW_Y, ROWS
 from flexarm.linear.statics.axial import closure_warning
 from flexarm.model import arm_spec_of_text, file_text
-from flexarm.simulation.run.channels import CHANNELS, Channel
+from flexarm.simulation.run.channels import CHANNELS, SLIDING, Channel
 from flexarm.simulation.run.stepping import Run, section_channels
 
 if TYPE_CHECKING:
@@ -244,18 +244,17 @@ def add_readings(
     return dataset.assign_coords(tick_time=ticks)
 
 
-#: Units of sliding joints by those of joints that turn.
-_SLIDING = {"rad": "m", "rad/s": "m/s", "N m": "N"}
-
-
 def channel_labels(arm: Arm, channel: Channel) -> dict[str, str]:
     """Return the attributes of a channel of an arm, which may have joints that slide."""
     name, unit, turning = channel.name, channel.unit, turning_joints(arm)
-    if "joint" in channel.dims and unit in _SLIDING and not turning.all():
-        unit = f"{unit} or {_SLIDING[unit]}" if turning.any() else _SLIDING[unit]
+    labels = dict[str, str]()
+    if "joint" in channel.dims and unit in SLIDING and not turning.all():
+        if turning.any():
+            labels["slides"] = " ".join(map(str, arm.joint_numbers[~turning]))
+        unit = f"{unit} or {SLIDING[unit]}" if turning.any() else SLIDING[unit]
     elif name in ("q", "qd") and arm.assembly.constants.slides.any():
         unit = unit.replace(" or ", ", m or " if name == "q" else ", m/s or ")
-    return {"units": unit, "long_name": channel.meaning}
+    return {"units": unit, "long_name": channel.meaning} | labels
 
 
 def coordinates_of(
