@@ -105,6 +105,7 @@ class Recorder:
         self._sizes = {"joint": arm.n_joints, "link": arm.n_links, "axis": 2, "coordinate": arm.dof}
         self._sizes |= {"gauge": len(arm.gauges), "direction": 3 if arm.assembly.base else 0}
         self._sizes["contact"] = len(batch.shared.environment.contacts)
+        self._sizes["closure"] = arm.closure_rows
         self._sizes["station"] = batch.shared.settings.stations
         needed = {f"reductions[{name!r}]": item.channels for name, item in reductions.items()}
         self._check({"channels": tuple(channels), **needed})
