@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import turning_joints
+from flexarm.model.arm.joints import Joint, unit_of_sliding
 from flexarm.model.checks import Record, descriptions_of
 from flexarm.view.studio.values.fields import unit_of
 
@@ -50,14 +52,20 @@ class Units:
         length, mass, time = powers
         return float(self.length**length * self.mass**mass * self.time**time)
 
-    def record(self, record: Any) -> Any:
-        """Return a record in these units."""
+    def record(self, record: Any, slides: bool = False) -> Any:
+        """Return a record in these units; that of a part of a joint that ``slides``."""
         changed = {}
+        if isinstance(record, Joint) and record.kind == "prismatic":
+            changed["kind"], slides = record.kind, True
         texts = descriptions_of(type(record))
         for name in type(record).model_fields:
             value = getattr(record, name)
             if value is not None and name != "kind":
-                changed[name] = _scaled(self, value, self._factor(record, name, texts.get(name)))
+                unit = unit_of_sliding(type(record), name)[0] if slides else ""
+                if name == "gear_ratio" and not record.rotor_inertia:  # the default has no unit
+                    unit = ""
+                factor = self.factor(unit) if unit else self._factor(record, name, texts.get(name))
+                changed[name] = _scaled(self, value, factor, slides)
         return type(record)(**changed)
 
     def _factor(self, record: Any, name: str, description: str | None) -> float:
@@ -75,6 +83,7 @@ class Units:
     def coordinates(self, arm: Arm) -> np.ndarray:
         """Return the factors (dof,) of the coordinates: angles stay, modes are in m kg^0.5."""
         factors = np.ones(arm.dof)
+        factors[arm.joint_index] = np.where(turning_joints(arm), 1.0, self.length)
         for piece in arm.assembly.pieces:
             factors[piece.modal] = self.factor("m kg^0.5")
         return factors
@@ -88,9 +97,9 @@ class Units:
         return self.factor(unit)
 
 
-def _scaled(units: Units, value: Any, factor: float) -> Any:
+def _scaled(units: Units, value: Any, factor: float, slides: bool) -> Any:
     if isinstance(value, Record):
-        return units.record(value)
+        return units.record(value, slides)
     if isinstance(value, tuple | list):
-        return tuple(_scaled(units, each, factor) for each in value)
+        return tuple(_scaled(units, each, factor, slides) for each in value)
     return value * factor if isinstance(value, float) else value

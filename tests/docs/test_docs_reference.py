@@ -16,6 +16,7 @@ import flexarm as fa
 from flexarm.cli.main import app
 from flexarm.control.laws import CONTROLLERS
 from flexarm.integrate import INTEGRATORS
+from flexarm.linear.models.state_space import CHANNEL_OUTPUTS
 from flexarm.model import json_schema
 from flexarm.motion import TIMING_LAWS
 from page_scripts import script
@@ -24,6 +25,7 @@ PYTHON = "docs/reference/python-api.md"
 COMMANDS = "docs/reference/command-line.md"
 INTEGRATORS_PAGE = "docs/how-to/choose-an-integrator.md"
 ACCURACY_PAGE = "docs/performance/accuracy.md"
+LINEARIZE = "docs/how-to/linearize.md"
 
 
 def code_words(page: str) -> set[str]:
@@ -186,3 +188,8 @@ def test_integrator_table_repeats() -> None:
         # At loose tolerances rejections follow each other, and their number depends on rounding.
         share = 0.5 if row.setting == "rtol 0.001" else 0.02
         assert float(evaluations) == pytest.approx(row.evaluations, rel=share)
+
+
+def test_page_of_linear_models_lists_the_channels_that_are_outputs():
+    rows = re.findall(r"^\| (`\"joint_angle\".*?\n)\| `fa.Sensor", text_of(LINEARIZE), re.M | re.S)
+    assert set(re.findall(r'"(\w+)"', rows[0])) == set(CHANNEL_OUTPUTS)

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexarm as fa
+from closed_mechanisms import four_bar
 from flexarm.model.paths import with_number
 
 pytestmark = pytest.mark.compiled
@@ -56,6 +57,24 @@ def test_runs_are_those_of_simulate(how):
     assert batch.sizes == {"run": 9, "time": 16, "joint": 2, "axis": 2}
     np.testing.assert_array_equal(batch["time"], single["time"])
     np.testing.assert_array_equal(batch["end_time"], np.full(9, DURATION))
+
+
+def test_forces_of_closures_are_those_of_simulate():
+    closed = four_bar()
+    arm, masses = fa.Arm(closed.spec), [0.1, 0.4]
+    start = fa.assembled(arm, arm.rest(closed.joints), held=[1]).q
+    batch = fa.simulate_batch(
+        arm, 0.05, initial=start, parameters={"payload.mass": masses}, channels=["closure_force"]
+    )
+    assert batch["closure_force"].dims == ("run", "time", "closure")
+    for k, mass in enumerate(masses):
+        single = fa.simulate(
+            fa.Arm(with_number(arm.spec, "payload.mass", mass)), 0.05, initial=start
+        )
+        assert_run(batch, k, single, ["closure_force"])
+    np.testing.assert_array_equal(batch["closure"], single["closure"])
+    with pytest.raises(fa.InputError, match="there is no closure"):
+        fa.simulate_batch(ARM, 0.05, initial=STARTS, channels=["closure_force"])
 
 
 @pytest.mark.thorough

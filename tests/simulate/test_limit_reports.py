@@ -231,6 +231,26 @@ def test_instruments_at_their_limits():
         assert all("the instrument 'gyro'" in text for text in warned)
 
 
+@pytest.mark.parametrize("length", [1e-4, 1.0, 100.0])
+def test_stops_of_slides_are_judged_by_the_arm(length):
+    link = fa.Link(length=0.5 * length, mass_per_length=2.0, flexible=False)
+    for stiffness, warns in ((50.0, True), (2e3, False)):
+        limits = fa.JointLimits(
+            lower=-0.3 * length, upper=0.3 * length, stiffness=stiffness * length
+        )
+        arm = fa.Arm(links=[link], joints=[fa.Joint(kind="prismatic", limits=limits)])
+        with warnings.catch_warnings(record=True) as log:
+            warnings.simplefilter("always")
+            warnings.simplefilter("ignore", fa.ImplausibleValueWarning)
+            run = fa.simulate(arm, 1.5, torque=lambda t: [5.0 * length**2])
+        assert run.stop_depth.units == "m"
+        # Energy: the force times the path from the middle is that of the spring.
+        depth = (5.0 + np.sqrt(25.0 + 3.0 * stiffness)) / stiffness * length
+        assert float(run.stop_depth[0]) == pytest.approx(depth, rel=0.01)
+        expected = f"joint 1 slides {depth:.3g} m beyond its stop, {depth / length / 0.6:.0%} of"
+        assert [expected in str(item.message) for item in log] == [True] * warns
+
+
 def test_joint_stops():
     limits = fa.JointLimits(lower=-0.5, upper=0.5, stiffness=2000.0)
     link = fa.Link(length=1.0, flexible=False, mass_per_length=1.0)

@@ -34,6 +34,7 @@ from flexarm.base.errors import InputError, Problem, public_call, shown
 from flexarm.base.late import xr
 from flexarm.base.writing.mat_file import mat_bytes
 from flexarm.base.writing.places import AnyPath, check_place, write_text, write_whole
+from flexarm.simulation.run.channels import unit_of_part
 
 if TYPE_CHECKING:
     from flexarm.linear import LinearModel
@@ -159,7 +160,7 @@ def _parts(result: xr.Dataset, variable: xr.DataArray) -> Iterator[tuple[str, st
             angle, _, modal = unit.partition(" or ")
             yield part, angle if part.startswith("_joint") else modal
         else:
-            yield part, unit
+            yield part, unit_of_part({"units": unit} | variable.attrs, parts[-1] if parts else "")
 
 
 def _labels(result: xr.Dataset, dimension: str) -> list[object]:

@@ -13,6 +13,7 @@ from flexarm.identification.record import (
     Label,
     MeasuredRecord,
     columns_of,
+    slides_of,
     with_columns,
 )
 from flexarm.integrate.base import FloatArray
@@ -30,7 +31,7 @@ _MOVES = 0.01
 def inspected(name: str, record: MeasuredRecord) -> tuple[MeasuredRecord, list[str]]:
     """Return a record without samples that its instruments did not measure, and sentences."""
     columns = columns_of(record.data, [key for key in MEASURED if key in record.data])
-    sentences = unwrap(columns)
+    sentences = unwrap(columns, slides_of(record.data))
     changes = map(_begins, (record.inputs, record.outputs))
     start = next((first for first in changes if first is not None), 0)
     for label in record.outputs:

@@ -64,7 +64,7 @@ _MOST, HALF = 3, 1.96
 _GEAR, _DAMPED, _MOTOR = 0.25, 0.5, 0.4
 #: Least power of residuals, as a fraction, that a fit of all but backlash must leave if a gap is
 #: named, and its evaluations. Gaps leave 0.74 to 0.88, records without one at most 0.3.
-_LEFT, _EVALUATIONS = 0.5, 12
+_LEFT, _EVALUATIONS = 0.5, 24
 #: Rates below which friction is smooth, and over which Stribeck friction decays at first, as
 #: fractions of the largest joint rate.
 _SMOOTH, _STRIBECK = 0.02, 0.1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -75,10 +75,11 @@ def read_record(
             so on, fields of structures ``name.field``, those of a list of structures, such as the
             signals of a Simulink scope, ``name[0].field``; those of a text file without a header
             ``column[0]``. By default, all columns whose names are channels. A unit in brackets
-            after the name of a column applies. ``{"column": "bridge", "file": "strain.csv",
-            "shift": 0.2}`` is a column of another file in the same folder, with its own times, to
-            which 0.2 s are added; the record has the times of ``path`` at which all files have
-            samples.
+            after the name of a column applies: positions and forces of sliding joints are
+            columns of ``joint_angle`` and ``torque`` in m and N. ``{"column": "bridge", "file":
+            "strain.csv", "shift": 0.2}`` is a column of another file in the same folder, with its
+            own times, to which 0.2 s are added; the record has the times of ``path`` at which all
+            files have samples.
         time: column of the time, by default "time", "t", "tout" or "timestamp", of numbers or of
             dates and times of ISO 8601; or ``sample_time``, s.
         time_unit: "s", "ms" or "us"; by default that in brackets after the name, or s.
@@ -95,7 +96,8 @@ def read_record(
     Returns:
         A record that starts at time 0. Where the file has no samples for more than one and a half
         intervals, the samples of the record are NaN; those of an input are interpolated over up to
-        three and a half intervals. Joint angles that jump by whole turns are unwrapped.
+        three and a half intervals. Joint angles that jump by whole turns are unwrapped, unless
+        their unit is one of length.
 
     Raises:
         InputError: if the file cannot be read, a column is missing, a unit does not fit, or the
@@ -155,16 +157,16 @@ def record_of_file(
             times = np.where(np.isnat(times), np.nan, elapsed)
         sources[name] = _Source(table, names, times, stated, dated)
     _check_clocks(description, sources)
-    samples = _columns(description, sources)
+    samples, slides = _columns(description, sources)
     columns = {label: values for label, (_, values) in samples.items()}
-    for text in unwrap(columns):
+    for text in unwrap(columns, slides):
         warn_caller(text, FlexarmWarning)
     samples = {label: _Samples(samples[label].times, c) for label, c in columns.items()}
     times, columns = _uniform(description, sources[description.file].times, samples)
     fields = {name: getattr(description, name) for name in RecordSettings.model_fields}
     chosen = RecordSettings(**fields)
     attributes = attributes_of(folder / description.file)
-    data = record.dataset_of(times, columns).assign_attrs(attributes)
+    data = record.dataset_of(times, columns, slides).assign_attrs(attributes)
     if not all(source.stated for source in sources.values()):
         data["time"].attrs["assumed"] = 1
     return record.MeasuredRecord(
@@ -198,9 +200,13 @@ def _check_clocks(description: RecordFile, sources: Mapping[str, _Source]) -> No
 
 def _columns(
     description: RecordFile, sources: Mapping[str, _Source]
-) -> dict[record.Label, _Samples]:
-    """Return the measured columns in SI units; none of them is without numbers."""
+) -> tuple[dict[record.Label, _Samples], set[record.Label]]:
+    """Return the measured columns in SI units, and those with units of sliding joints.
+
+    None of them is without numbers.
+    """
     columns: dict[record.Label, _Samples] = {}
+    slides: set[record.Label] = set()
     problems: list[Problem] = []
     main = sources[description.file]
     chosen = description.channels or {
@@ -215,8 +221,10 @@ def _columns(
             label = record.check_label("channels", text)
             header = _header(place, column.column, source.table, source.names)
             unit = column.unit or record.split_unit(header)[1]
-            si = record.MEASURED[label.channel].unit
-            factor = record.factor_of(place, unit, si) if unit else 1.0
+            si, *sliding = record.units_of(record.MEASURED[label.channel])
+            factor, si = record.factor_of(place, unit, si, *sliding) if unit else (1.0, si)
+            if si in sliding:
+                slides.add(label)
             values = column.gain * source.table[header].astype(np.float64) + column.offset
             times = source.times + column.shift
             if values.size == times.size:
@@ -234,7 +242,7 @@ def _columns(
             problems.append(Problem(place, rule, str(values.size)))
         columns[label] = _Samples(times, factor * values)
     raise_any(problems)
-    return columns
+    return columns, slides
 
 
 def _check_size(place: str, label: record.Label, values: FloatArray) -> None:
@@ -244,17 +252,22 @@ def _check_size(place: str, label: record.Label, values: FloatArray) -> None:
     if kind and largest > _LARGEST[kind]:
         si, other = _UNITS_OF[kind]
         rule = f"has no unit, and its values reach {largest:.4g}, too large for {si!r}"
-        raise InputError(Problem(place, rule, hint=f"Give a unit, such as {other!r}, or {si!r}."))
+        slides = ", or 'm' of a sliding joint" if label.channel == "joint_angle" else ""
+        hint = f"Give a unit, such as {other!r}, or {si!r}{slides}."
+        raise InputError(Problem(place, rule, hint=hint))
 
 
-def unwrap(columns: dict[record.Label, FloatArray]) -> list[str]:
-    """Remove the jumps of a whole turn of joint angles; return notices."""
+def unwrap(
+    columns: dict[record.Label, FloatArray], slides: Collection[record.Label] = ()
+) -> list[str]:
+    """Remove the jumps of a whole turn of joint angles, not of ``slides``; return notices."""
     notices = []
     for label, column in columns.items():
         good = np.isfinite(column)
         steps = np.abs(np.diff(column[good]))
         jumps = np.abs(steps - 2.0 * np.pi) < _TURN
-        if label.channel != "joint_angle" or not jumps.any() or np.any(steps[~jumps] > _TURN):
+        turns = label.channel == "joint_angle" and label not in slides
+        if not turns or not jumps.any() or np.any(steps[~jumps] > _TURN):
             continue
         columns[label] = np.where(good, 0.0, np.nan)
         columns[label][good] = np.unwrap(column[good])
@@ -289,7 +302,7 @@ def _times(
     if times.dtype.kind == "M":
         return times, True
     unit = description.time_unit or record.split_unit(header)[1]
-    return times * (record.factor_of("time", unit, "s") if unit else 1.0), bool(unit)
+    return times * (record.factor_of("time", unit, "s")[0] if unit else 1.0), bool(unit)
 
 
 def _increasing(times: FloatArray) -> FloatArray:

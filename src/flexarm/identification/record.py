@@ -25,7 +25,7 @@ from flexarm.model.checks import checked_arguments
 from flexarm.model.hardware import CHANNEL_SIGNALS
 from flexarm.model.identification import INPUTS, UNITS, Filter, RecordSettings
 from flexarm.simulation.histories.piecewise import INTERPOLATIONS
-from flexarm.simulation.run.channels import CHANNELS, Channel
+from flexarm.simulation.run.channels import CHANNELS, SLIDING, Channel, unit_of_part
 
 #: Inputs of the motors, which simulated results do not contain.
 CURRENT = Channel("current", ("joint",), "A", "current of the joint motors")
@@ -109,18 +109,33 @@ def is_unit(text: str) -> bool:
     return any(text.translate(_SIGNS) in known for known in UNITS.values())
 
 
-def factor_of(name: str, unit: str, si: str) -> float:
-    """Return the factor from a unit to the SI unit of a channel; InputError if it is not one."""
-    known = UNITS[si]
+def factor_of(name: str, unit: str, *units: str) -> tuple[float, str]:
+    """Return the factor from a unit to one of SI ``units``, and that one.
+
+    InputError if it is not the unit of such a number.
+    """
     unit = unit.translate(_SIGNS)
-    if unit not in known:
-        rule = f"be a unit of its channel ({', '.join(known)})"
-        raise InputError(Problem(name, rule, shown(unit)))
-    return known[unit]
+    for si in units:
+        if unit in UNITS[si]:
+            return UNITS[si][unit], si
+    known = ", ".join(text for si in units for text in UNITS[si])
+    raise InputError(Problem(name, f"be a unit of its channel ({known})", shown(unit)))
 
 
-def dataset_of(times: np.ndarray, columns: dict[Label, np.ndarray]) -> xr.Dataset:
-    """Return a record as a dataset over ``time``; parts that were not measured are missing."""
+def units_of(channel: Channel) -> tuple[str, ...]:
+    """Return the SI unit of a channel, and that of joints that slide if it differs."""
+    if channel.dims != ("joint",) or channel.unit not in SLIDING:
+        return (channel.unit,)
+    return channel.unit, SLIDING[channel.unit]
+
+
+def dataset_of(
+    times: np.ndarray, columns: dict[Label, np.ndarray], slides: Collection[Label] = ()
+) -> xr.Dataset:
+    """Return a record as a dataset over ``time``; parts that were not measured are missing.
+
+    Columns of ``slides`` have the units of sliding joints.
+    """
     variables = {}
     coordinates: dict[str, object] = {"time": ("time", times, {"units": "s", "long_name": "time"})}
     for name in dict.fromkeys(label.channel for label in columns):
@@ -128,7 +143,12 @@ def dataset_of(times: np.ndarray, columns: dict[Label, np.ndarray]) -> xr.Datase
         own = sorted((label for label in columns if label.channel == name), key=str)
         own.sort(key=lambda label: label.part)
         values = np.stack([columns[label] for label in own], axis=1)
-        attributes = {"units": channel.unit, "long_name": channel.meaning}
+        units, sliding = units_of(channel), [label.part for label in own if label in slides]
+        if len(sliding) in (0, len(own)):
+            units = units[-1:] if sliding else units[:1]
+        attributes = {"units": " or ".join(units), "long_name": channel.meaning}
+        if len(units) > 1:
+            attributes["slides"] = " ".join(map(str, sliding))
         if not channel.dims:
             variables[name] = xr.DataArray(values[:, 0], dims="time", attrs=attributes)
             continue
@@ -159,6 +179,18 @@ def columns_of(
             Label(name, part): column for part, column in zip(parts.tolist(), values.T, strict=True)
         }
     return {label: c for label, c in columns.items() if empty or not np.all(np.isnan(c))}
+
+
+def slides_of(data: xr.Dataset) -> set[Label]:
+    """Return the columns of a record, or of a result, that have the units of sliding joints."""
+    slides = set()
+    for name in MEASURED.keys() & set(map(str, data)):
+        _, *sliding = units_of(MEASURED[name])
+        if sliding:
+            parts = data[name]["joint"].values.tolist()
+            attributes = data[name].attrs
+            slides |= {Label(name, k) for k in parts if unit_of_part(attributes, k) in sliding}
+    return slides
 
 
 def place_of(arm: Arm, label: Label) -> int:
@@ -459,7 +491,8 @@ def with_columns(
 ) -> MeasuredRecord:
     """Return a record with other values of its columns (samples,), and other settings."""
     every = columns_of(record.data, [name for name in MEASURED if name in record.data], empty=True)
-    data = dataset_of(record.data["time"].values, every | dict(columns))
+    slides = slides_of(record.data)
+    data = dataset_of(record.data["time"].values, every | dict(columns), slides)
     data = data.assign_attrs(record.data.attrs)
     data["time"].attrs |= record.data["time"].attrs
     return replace(record, data=data, settings=settings)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.arm.closed import assembled, independent_motions
 from flexarm.base.errors import InputError, Problem, nearest, problems_of, raise_any, shown
 from flexarm.control.design.arm_scales import size_of_zero, typical_rate
@@ -291,12 +292,13 @@ def _initial_slots(
 ) -> list[Slot]:
     """Return the estimated numbers of the initial state of a record, as changes of its start.
 
-    ``rate`` is the scale of joint rates, rad/s.
+    ``rate`` is the scale of joint rates, rad/s; of sliding joints relative to the reach.
     """
     settings = record.settings
     if record.controller is not None:
         return []
     slots: list[Slot] = []
+    sizes = coordinate_sizes(arm).tolist()
 
     def add(kind: str, place: int, scale: float, deviation: float = np.inf) -> None:
         path = f"initial.{kind}[{place}]"
@@ -311,9 +313,9 @@ def _initial_slots(
         if in_motion or (
             settings.initial_angle is None and Label("joint_angle", joint) in measured
         ):
-            add("q", place, _ANGLE)
+            add("q", place, _ANGLE * sizes[place])
         if in_motion:
-            add("qd", place, rate)
+            add("qd", place, rate * sizes[place])
     if in_motion:
         for place, amplitude, frequency in _modes(arm):
             add("q", place, amplitude, amplitude)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexarm.base.arguments import library_missing
 from flexarm.base.errors import FlexarmWarning, InputError, Problem, shown, warn_caller
 from flexarm.identification import record
+from flexarm.simulation.run.channels import unit_of_part
 
 #: Lines in which the header of a text file is looked for.
 _PREAMBLE = 100
@@ -179,7 +180,6 @@ def _netcdf(path: Path) -> Table:
         for name, array in arrays.items():
             if array.dtype.kind not in "iuf" or array.ndim == 0:
                 continue
-            unit = str(array.attrs.get("units", ""))
             rows = np.asarray(array.values, dtype=np.float64).reshape(array.shape[0], -1)
             # Suffixes are those of a CSV file of a result.
             labels = [""]
@@ -189,6 +189,7 @@ def _netcdf(path: Path) -> Table:
                 labels_here = range(1, array.sizes[dimension] + 1) if numbered else index
                 labels = [f"{label}_{item}" for label in labels for item in labels_here]
             for label, column in zip(labels, rows.T, strict=True):
+                unit = unit_of_part(array.attrs, label.rpartition("_")[2])
                 columns[f"{name}{label} [{unit}]" if unit else f"{name}{label}"] = column
     return columns
 

@@ -9,13 +9,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexarm.control.contract.base import Arrays, Controller, Reference, Rest, declares
+from flexarm.control.contract.base import (
+    Arrays,
+    Controller,
+    Reference,
+    Rest,
+    around,
+    declares,
+)
+from flexarm.control.design.arm_scales import joint_sizes
 from flexarm.control.hardware.measurement import FloatArray, Measurement
 
 #: Step of the central differences of laws that do not accept complex numbers, relative to the size
 #: of a number. The error is about 1e-9 for smooth laws. Imaginary step of the others, exact.
 _STEP, _TINY = 1e-5, 1e-30
-#: Size of joint rates times the sample time (rad): a joint that turns by 1 rad in 1000 samples.
+#: Size of joint rates times the sample time (rad): a joint that turns by 1 rad in 1000 samples,
+#: or slides by the reach.
 _RATE = 1e-3
 #: Most reductions of a step of the memory that changes a torque more than those of the readings do.
 _REDUCTIONS = 8
@@ -103,19 +112,27 @@ def linear_controller(
     if step.analytic:
         return step.linear(step.slope())
     kinds = dict(signals or {})
-    sizes = [_sizes(kinds.get(k, k), value, law.sample_time) for k, value in readings.items()]
+    arm = next((item.arm for item in around(law) if hasattr(item, "arm")), None)
+    joints = 1.0 if arm is None else joint_sizes(arm)
+    times = law.sample_time
+    sizes = [_sizes(kinds.get(k, k), value, times, joints) for k, value in readings.items()]
     return step.linear(_differences(step, np.concatenate([np.zeros(0), *sizes])))
 
 
-def _sizes(signal: Any, value: FloatArray, sample_time: float) -> FloatArray:
-    """Return the sizes (k,) of the numbers of a reading, see `linear_controller`."""
-    size = 1.0
+def _sizes(
+    signal: Any, value: FloatArray, sample_time: float, joints: float | FloatArray
+) -> FloatArray:
+    """Return the sizes (k,) of the numbers of a reading, see `linear_controller`.
+
+    ``joints``: `joint_sizes` of the arm of the controller.
+    """
+    size = joints if signal in ("joint_angle", "joint_rate") else 1.0
     if isinstance(signal, str) and signal.endswith("_rate"):
-        size = _RATE / sample_time
+        size = _RATE / sample_time * size
     elif signal not in ("joint_angle", "strain"):
         # Laws are linear about a force or torque of zero, so that any size is good.
         size = float(np.abs(value).max(initial=0.0)) or 1.0
-    return np.full(np.size(value), size)
+    return np.broadcast_to(size, np.size(value)).astype(np.float64)
 
 
 def _differences(step: StepMap, sizes: FloatArray) -> FloatArray:

@@ -28,7 +28,7 @@ from flexarm.control.design.minimal import (
 )
 from flexarm.control.hardware.measurement import FloatArray, faulty
 from flexarm.control.hardware.sampled_plant import Reading, SampledPlant, Signal, sampled_plant
-from flexarm.linear.models.state_space import OutputName, component_places
+from flexarm.linear.models.state_space import OutputName, balanced, component_places
 from flexarm.model import Contact, Hardware, Instrument, InstrumentFault, Sensor
 
 #: Models of an arm that are kept.
@@ -115,7 +115,7 @@ class Response:
         if not len(A):
             self._T = self._B = self._C = np.zeros((0, 0), dtype=complex)
             return
-        A, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
+        A, scale = balanced(A)
         self._T, Z = linalg.schur(A, output="complex")
         self._B, self._C = Z.conj().T @ (B / scale[:, None]), (C * scale) @ Z
 

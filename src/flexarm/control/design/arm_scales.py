@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import coordinate_sizes
 from flexarm.base.errors import InputError, Problem, shown
 from flexarm.base.late import linalg
 from flexarm.control.design.linear_design import (
@@ -32,8 +33,9 @@ from flexarm.model.units import unit_of
 #: Outputs that can be measured, because their nominal values are computed.
 MEASURED = ("joint_angle", "joint_rate", "strain", "tip")
 #: Default acceptable deviations: of angles (rad), of the tip relative to the reach, of rates
-#: relative to `typical_rate`. They are those of docs/performance/measure_robustness.py, for
-#: whose arm they are round numbers: 10 mrad, 10 mm and 0.2 rad/s.
+#: relative to `typical_rate`; those of sliding joints also relative to the reach. They are those of
+#: docs/performance/measure_robustness.py, for whose arm they are round numbers: 10 mrad, 10 mm and
+#: 0.2 rad/s.
 _ANGLE, TIP, _RATE = 0.01, 0.004, 0.032
 #: Outputs that can be integrated, and their default acceptable integrals times `typical_rate`: rad,
 #: and a fraction of the reach.
@@ -41,7 +43,7 @@ _INTEGRATED = {"joint_angle": 0.0126, "tip": 0.0026, CHORD: 0.0126}
 #: Outputs that can have acceptable deviations: all except contacts, which a design excludes.
 _ACCEPTABLE = tuple(name for name in CHANNEL_OUTPUTS if not name.startswith("contact_"))
 #: Angular acceleration of the rigid model under `typical_torque`, relative to the square of
-#: `typical_rate`.
+#: `typical_rate`; for sliding joints also relative to the reach.
 _BRISK = 0.25
 #: Angle (rad) in a sample time at `typical_rate`: the largest, and that of a rigid arm, whose time
 #: scale is that of its loop.
@@ -50,8 +52,22 @@ _FASTEST, RIGID = 0.08, 0.0064
 _TURNED = 1.0
 #: Default bandwidth of robust loops of the joints, relative to `typical_rate`.
 BANDWIDTH = 1.25
-#: Default noise of encoders (rad) and gauges (strain): both are ratios of lengths.
-NOISE = {"joint_angle": 1e-4, "strain": 2e-5}
+#: Default noise of encoders (rad; of sliding joints relative to the reach) and gauges (strain).
+_NOISE = {"joint_angle": 1e-4, "strain": 2e-5}
+
+
+def joint_sizes(arm: Arm) -> float | FloatArray:
+    """Return the unit of default joint motions: one radian, or the reach (m) for sliding joints.
+
+    Of shape (joints,); 1.0 if all joints turn.
+    """
+    sizes = coordinate_sizes(arm)[arm.joint_index]
+    return 1.0 if np.all(sizes == 1.0) else sizes
+
+
+def default_noise(arm: Arm) -> dict[str, float | FloatArray]:
+    """Return the default standard deviations of the noise of encoders and gauges."""
+    return _NOISE | {"joint_angle": _NOISE["joint_angle"] * joint_sizes(arm)}
 
 
 def typical_rate(arm: Arm, sample_time: float) -> float:
@@ -87,9 +103,10 @@ def typical_torque(arm: Arm, posture: ArrayLike | None, rate: float) -> FloatArr
     """Return the torques (joints,) N m that accelerate each joint at ``typical_rate`` (rad/s).
 
     By a quarter of its square, for the rigid model in a posture (joints,) rad; zero by default. The
-    base and the other joints are at rest, without closures.
+    base and the other joints are at rest, without closures. Forces (N) of sliding joints accelerate
+    them by as much times the reach.
     """
-    return _BRISK * rate**2 * rigid_inertias(arm, posture)
+    return np.asarray(_BRISK * rate**2 * rigid_inertias(arm, posture) * joint_sizes(arm))
 
 
 def rigid_inertias(arm: Arm, posture: ArrayLike | None = None) -> FloatArray:
@@ -107,9 +124,10 @@ def design_requirements(
 ) -> DesignRequirements:
     """Return the requirements of a linear controller, with default values for missing ones."""
     measured, disturbance, integral = given.measured, given.disturbance, given.integral
-    reach = arm.reach
+    reach, sizes = arm.reach, joint_sizes(arm)
     if acceptable is None:
-        acceptable = {"joint_angle": _ANGLE, "tip": TIP * reach, "joint_rate": _RATE * rate}
+        joints = {"joint_angle": _ANGLE * sizes, "joint_rate": _RATE * rate * sizes}
+        acceptable = joints | {"tip": TIP * reach}
     torque = given.acceptable_torque
     if torque is None:
         torque = typical_torque(arm, given.posture, rate)
@@ -118,14 +136,16 @@ def design_requirements(
         gauged = bool(arm.gauges)
         if instruments is not None:
             gauged &= any(item.signal == "strain" for item in instruments)
-        measured = {name: noise for name, noise in NOISE.items() if name != "strain" or gauged}
+        measured = {
+            name: noise for name, noise in default_noise(arm).items() if name != "strain" or gauged
+        }
     if disturbance is None:
-        disturbance = {"torque": 0.1 * torque, "tip_force": 0.2 * np.max(torque) / reach}
+        disturbance = {"torque": 0.1 * torque, "tip_force": 0.2 * np.max(torque * sizes) / reach}
     if integral is None or integral is False:
         integral = {}
     elif integral is True or isinstance(integral, str):
         name = "joint_angle" if integral is True else integral
-        size = {"tip": reach}.get(name, 1.0) / rate
+        size = (reach if name == "tip" else sizes) / rate
         integral = {name: size * _INTEGRATED.get(name, np.nan)}
     checked = check_names("integral", integral, tuple(_INTEGRATED), arm)
     if len(checked) > 1:
@@ -226,7 +246,7 @@ def arm_scales(arm: Arm, rate: float) -> ArmScales:
     if not torques.size:  # no joint is free
         c = arm.assembly.constants
         torques = np.array([np.sum(c.mass + c.tip_mass) * (0.5 * length * rate) ** 2])
-    return ArmScales(rate, length, float(np.max(torques)) / length)
+    return ArmScales(rate, length, float(np.max(torques * joint_sizes(arm))) / length)
 
 
 def size_of_zero(arm: Arm, record: Record, path: str, rate: float | None = None) -> float:

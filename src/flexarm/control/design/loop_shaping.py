@@ -16,7 +16,7 @@ from flexarm.control.design.minimal import without_dry_friction
 from flexarm.control.design.rigid_model import RigidModel
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.linear.models.linearize import linearize
-from flexarm.linear.models.state_space import LinearModel
+from flexarm.linear.models.state_space import LinearModel, balanced
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.model import Hardware, Motors
 from flexarm.model.drives.linear import LoopShapingParameters, RobustParameters
@@ -142,7 +142,7 @@ def coprime_controller(
     n, more = len(A), max(D.shape)
     whole = np.zeros((n + more, n + more))
     whole[:n, :n], whole[:n, n : n + B.shape[1]], whole[n : n + len(C), :n] = A, B, C
-    scale = linalg.matrix_balance(whole, permute=False, separate=True)[1][0]
+    scale = balanced(whole)[1]
     sizes = scale[:n] / scale[n]
     A, B, C = A * sizes / sizes[:, None], B / sizes[:, None], C * sizes
     S = np.eye(B.shape[1]) + D.T @ D

@@ -10,6 +10,7 @@ import numpy as np
 from flexarm.base.errors import InputError, Problem
 from flexarm.base.late import linalg
 from flexarm.control.hardware.measurement import FloatArray, filter_of, stride_and_delay
+from flexarm.linear.models.state_space import balanced
 from flexarm.model import Instrument, Motors
 
 #: Largest number of states, and largest period (samples) after which all instruments repeat.
@@ -59,7 +60,7 @@ def held(A: FloatArray, B: FloatArray, sample_time: float) -> tuple[FloatArray, 
     if sample_time == 0.0:  # a delay of whole samples leaves nothing of a sample
         return np.eye(n), np.zeros((n, m))
     # The exponential is accurate relative to its norm, so that no unit may dominate it.
-    scale = linalg.matrix_balance(A, permute=False, separate=True)[1][0][:, None]
+    scale = balanced(A)[1][:, None]
     pushed = B * sample_time / scale
     size = np.abs(pushed).max(axis=0)
     size = np.where(size > 0.0, size, 1.0)

@@ -26,6 +26,7 @@ from flexarm.control.contract.parametrised import OfArm
 from flexarm.control.design.arm_scales import (
     check_sample_time,
     default_cutoff,
+    joint_sizes,
     slow_rate,
     typical_torque,
 )
@@ -38,7 +39,7 @@ from flexarm.model.drives.controllers import (
 )
 from flexarm.model.wording import nearest
 
-#: Smoothing rate of adapted friction, relative to the bandwidth (rad).
+#: Smoothing rate of adapted friction, relative to the bandwidth and to `joint_sizes`.
 _SMOOTHED = 0.001
 #: Cutoff of the low-pass filter of the curvature, which limits noise in its rate, relative to the
 #: sampling frequency.
@@ -69,7 +70,7 @@ class SlidingController(OfArm, Controller):
         if own.washout is None:
             own.washout = default_cutoff(arm, self.sample_time)
         self._bandwidth, self._washout, strain_gain = own.bandwidth, own.washout, own.strain_gain
-        self._smoothing_rate = _SMOOTHED * self._bandwidth
+        self._smoothing_rate = _SMOOTHED * self._bandwidth * joint_sizes(arm)
         self._gauge = np.zeros(arm.n_joints, dtype=np.intp)
         self._per_strain = np.zeros(arm.n_joints)
         self._fed = bool(np.any(strain_gain > 0.0))
@@ -244,7 +245,7 @@ def _listed(arm: Arm, parameters: str | Sequence[str]) -> tuple[str, ...]:
     return tuple(name for item in listed for name in groups.get(item, (item,)))
 
 
-#: Rate over which the sign of a rate is smoothed, relative to the bandwidth (rad).
+#: Rate over which the sign of a rate is smoothed, relative to the bandwidth and to `joint_sizes`.
 _SIGN = 0.01
 #: Largest number of Gaussians; more of them take longer than a sample time.
 _MOST_CENTRES = 10_000
@@ -277,6 +278,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
             raise InputError(Problem("centres", rule, shown(counts)))
         self.centres = tuple(counts)
         self._model = RigidParameters(self.arm) if self.prior else None
+        self._sign_rate = _SIGN * self.bandwidth * joint_sizes(self.arm)
         self._centres, self._sharpness = _grid(self.lower, self.upper, self.centres)
         self._pairs = np.triu_indices(joints)
         self._start = np.zeros((joints, len(self._centres), 1 + 3 * joints + len(self._pairs[0])))
@@ -293,7 +295,7 @@ class RBFAdaptive(RBFAdaptiveParameters, SlidingController):
         after, now = self._slid(memory, readings, inputs)
         weights, torque = memory["weights"].copy(), np.zeros_like(now.s)
         first, second = self._pairs
-        signs = np.tanh(now.reference_rate / (_SIGN * self.bandwidth))
+        signs = np.tanh(now.reference_rate / self._sign_rate)
         requested = now.reference_acceleration, now.reference_rate, signs
         products = now.rate[first] * now.reference_rate[second]
         signals = np.concatenate([np.ones(1), *requested, products])

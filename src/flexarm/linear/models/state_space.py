@@ -376,11 +376,23 @@ def slowest_first(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return values[np.lexsort((values.imag, direction.real, np.abs(direction.imag), digits))]
 
 
+def balanced(A: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a matrix similar to A with rows and columns of equal norms, and the scales (n,).
+
+    The scales are powers of two. By LAPACK, because SciPy's own function casts them to integers,
+    and those of states that hardly affect others are larger than any.
+    """
+    if not A.size:
+        return A, np.ones(0)
+    scaled, _, _, scale, _ = linalg.lapack.dgebal(np.asarray_chkfinite(A), scale=1, permute=0)
+    return scaled, scale
+
+
 def frequency_response(
     A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, omega: FloatArray
 ) -> NDArray[np.complex128]:
     """Return C (i omega - A)^-1 B + D, (frequencies, outputs, inputs); NaN at undamped poles."""
-    A, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
+    A, scale = balanced(A)
     B, C = B / scale[:, None], C * scale
     dynamic = np.asarray(1j * omega[:, None, None] * np.eye(len(A)) - A, dtype=np.complex128)
     states = solved_each(dynamic, B)
@@ -421,7 +433,7 @@ def _transmission_zeros(A: FloatArray, b: FloatArray, c: FloatArray, d: float) -
     """
     if not ((np.any(b) and np.any(c)) or d != 0.0):
         return np.zeros(0, dtype=complex)  # no effect at any frequency
-    A, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
+    A, scale = balanced(A)
     b, c = b / scale, c * scale
     if d != 0.0:
         found = linalg.eigvals(A - np.outer(b, c) / d)

@@ -70,7 +70,8 @@ class LinearParameters(ControllerParameters):
     """Acceptable torque, one for all joints or one for each (N m); by default the torque that
     accelerates each joint of the rigid model by a quarter of the square of the arm's typical rate:
     the lowest angular frequency of the straight arm with locked joints, but at most 0.08 rad in a
-    sample time; 0.0064 rad in one for rigid arms."""
+    sample time; 0.0064 rad in one for rigid arms. Accelerations, deviations and noise of sliding
+    joints are by default multiplied by the length of the arm."""
     measured: Named[_PositiveNumbers] | None = None
     """Measured signals (joint_angle, joint_rate, strain, tip) and the standard deviations of their
     noise; by default 0.1 mrad of joint_angle, and 2e-5 of strain if the arm has gauges, and the

@@ -438,10 +438,10 @@ class OpenLanes(Lanes):
             return False
         if not group.method.adaptive:
             return True
-        unit, samples = group.unit(place), group.samples(place)
+        arm, unit, samples = group.ready[place].arm, group.unit(place), group.samples(place)
         tolerance = self._tolerance_of_run(group.ready[place])._replace(unit=unit)
         default, steps = self._settings.atol is None, int(group.runs.counts[place, STEPS])
-        return small_motion(tolerance, tolerance.relative, default, samples, steps) is None
+        return small_motion(arm, tolerance, tolerance.relative, default, samples, steps) is None
 
     def _choice(self, run: Ready, tolerance: Tolerance) -> Choice:
         if run.large is not None:

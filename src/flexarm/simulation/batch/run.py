@@ -105,6 +105,7 @@ class Recorder:
         self._sizes = {"joint": arm.n_joints, "link": arm.n_links, "axis": 2, "coordinate": arm.dof}
         self._sizes |= {"gauge": len(arm.gauges), "direction": 3 if arm.assembly.base else 0}
         self._sizes["contact"] = len(batch.shared.environment.contacts)
+        self._sizes["closure"] = arm.closure_rows
         self._sizes["station"] = batch.shared.settings.stations
         needed = {f"reductions[{name!r}]": item.channels for name, item in reductions.items()}
         self._check({"channels": tuple(channels), **needed})
@@ -189,11 +190,11 @@ class Recorder:
         variables, arm = dict[str, Any](), self._batch.runs.arms[0]
         for name, values in self._channels.items():
             dims = "run", "time", *CHANNELS[name].dims
-            variables[name] = dims, values, channel_labels(arm, name)
+            variables[name] = dims, values, channel_labels(arm, CHANNELS[name])
         for name, item in self._reductions.items():
             variables[name] = (("run", *item.dims), self._reduced[name], item.labels)
         limits = {name: self._limits[name] for name in LIMITS if name in self._limits}
-        variables |= limit_variables(limits, ("run",))
+        variables |= limit_variables(arm, limits, ("run",))
         variables["end_time"] = ("run", self._end, _END_TIME)
         for name, meaning in COUNTS.items():
             variables[name] = ("run", self._numbers[name], {"long_name": meaning})

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.arm.arm import Arm
+from flexarm.arm.assembly.coordinates import coordinate_sizes, turning_joints
 from flexarm.arm.bending import theory_error
 from flexarm.arm.observe import contact_values
 from flexarm.base.errors import (
@@ -28,6 +29,7 @@ from flexarm.kernels.layout import Contacts
 from flexarm.linear.statics.equilibrium import equilibrium
 from flexarm.motion import Motion
 from flexarm.simulation.calls.metrics import length_text, reference_angles, tip_reference
+from flexarm.simulation.calls.result import channel_labels
 from flexarm.simulation.loop.control_loop import ClosedLoop
 from flexarm.simulation.run.channels import LIMITS
 from flexarm.simulation.run.stepping import Notices, Run
@@ -36,13 +38,15 @@ from flexarm.simulation.run.validity import axial_loads
 BoolArray = NDArray[np.bool_]
 #: Growth of an angle error at a limit of the motor that is reported, as a fraction of the largest
 #: of the travel of the joint, its first error, a tenth of the travel of all joints, and for a joint
-#: that holds its angle, of a tenth of a radian. A motion that is too fast for its motors lags by
-#: less, and a bounded overshoot is smaller, but the integral of a saturated loop winds up.
+#: that holds its angle, of a tenth of a radian or of the reach. A motion that is too fast for its
+#: motors lags by less, and a bounded overshoot is smaller, but the integral of a saturated loop
+#: winds up.
 _GROWN, _OF_ALL, _HELD = 0.5, 0.1, 0.1
 #: Share of the frames of an instrument at its limit that is reported. A sensor of a gap is at its
 #: limit whenever the surface is far.
 _BLIND = 0.1
-#: Depth in a stop that is reported: fraction of the range of the joint, between two angles (rad).
+#: Depth in a stop that is reported: fraction of the range of the joint, between two angles (rad) or
+#: fractions of the reach.
 #: Depth of a contact that is reported: fractions of the reach, and of the radius of a post.
 _OF_RANGE, _TURNED, _OF_REACH, _OF_RADIUS = 0.25, (0.1, 0.35), 0.1, 0.5
 #: Error of the tip at rest in which the sag is looked for, as a fraction of the reach, and fewest
@@ -87,7 +91,8 @@ def motor_warning(
     goal = [np.asarray(reference.joint_angle(end))] if 0.0 < end < np.inf else []
     travel = np.ptp(np.vstack([wanted, *goal]), axis=0)  # also of a motion that the run cuts
     size = np.maximum(np.maximum(travel, error[0]), _OF_ALL * travel.max())
-    size = np.maximum(size, np.where(travel > 0.0, 0.0, _HELD))
+    held = _HELD * coordinate_sizes(arm)[arm.joint_index]
+    size = np.maximum(size, np.where(travel > 0.0, 0.0, held))
     place = np.searchsorted(since, times * (1.0 + 1e-12), side="right") - 1
     harm = [
         _harm(error[:, j], saturated[place, j]) if saturated[:, j].any() else 0.0
@@ -100,7 +105,8 @@ def motor_warning(
     longest = float(numbers["longest_saturation"][worst])
     return (
         f"motor {number} is at its limit for {share:.0%} of the run, up to {longest:.3g} s at a "
-        f"time, and the error of its joint reaches {error[:, worst].max():.3g} rad: "
+        f"time, and the error of its joint reaches {error[:, worst].max():.3g} "
+        f"{'rad' if turning_joints(arm)[worst] else 'm'}: "
         f"{_cure(controller)}; see docs/how-to/sense-and-act.md."
     )
 
@@ -218,14 +224,18 @@ def _stops(run: Run) -> tuple[dict[str, FloatArray], str]:
         hits[limited] = (run.progress.impacts + 1) // 2  # each impact begins and ends
     count = np.where(limited, hits, np.nan)
     numbers = {"stop_depth": deepest, "stop_hits": count}
-    for number, joint, angle in zip(run.arm.joint_numbers, _joints(run.arm), deepest, strict=True):
+    sizes = coordinate_sizes(run.arm)[run.arm.joint_index].tolist()
+    listed = run.arm.joint_numbers, _joints(run.arm), deepest, sizes
+    for number, joint, beyond_stop, size in zip(*listed, strict=True):
         if joint.limits is None:
             continue
-        width = joint.limits.upper - joint.limits.lower
-        if angle > min(max(_OF_RANGE * width, _TURNED[0]), _TURNED[1]):
+        width, turns = joint.limits.upper - joint.limits.lower, joint.kind == "revolute"
+        if beyond_stop > min(max(_OF_RANGE * width, _TURNED[0] * size), _TURNED[1] * size):
+            verb, unit, cause = ("turns", "rad", "torque") if turns else ("slides", "m", "force")
             text = (
-                f"joint {number} turns {angle:.3g} rad beyond its stop, {angle / width:.0%} of its "
-                "range: raise the stiffness of the stop, or check the torque and the limits."
+                f"joint {number} {verb} {beyond_stop:.3g} {unit} beyond its stop, "
+                f"{beyond_stop / width:.0%} of its range: raise the stiffness of the stop, or "
+                f"check the {cause} and the limits."
             )
             return numbers, text
     return numbers, ""
@@ -305,12 +315,15 @@ def notices_of(run: Run, limits: Sequence[str], failure: str) -> Notices:
 
 
 def add_limits(
-    dataset: xr.Dataset, numbers: Mapping[str, FloatArray], readings: Sequence[Readings]
+    dataset: xr.Dataset,
+    arm: Arm,
+    numbers: Mapping[str, FloatArray],
+    readings: Sequence[Readings],
 ) -> xr.Dataset:
     """Add the numbers of ``LIMITS`` to the result of a run with some instruments."""
     if not numbers:
         return dataset
-    dataset = dataset.assign(limit_variables(numbers))
+    dataset = dataset.assign(limit_variables(arm, numbers))
     names = [item.labels[0] for item in readings if item.limited]
     if names:
         label = {"long_name": "instrument with a limit"}
@@ -319,11 +332,11 @@ def add_limits(
 
 
 def limit_variables(
-    numbers: Mapping[str, FloatArray], before: Sequence[str] = ()
+    arm: Arm, numbers: Mapping[str, FloatArray], before: Sequence[str] = ()
 ) -> dict[str, tuple[tuple[str, ...], FloatArray, dict[str, str]]]:
     """Return numbers of ``LIMITS`` as variables of a dataset; ``before``: dimensions in front."""
     variables = {}
     for name, values in numbers.items():
-        labels = {"units": LIMITS[name].unit, "long_name": LIMITS[name].meaning}
+        labels = channel_labels(arm, LIMITS[name])
         variables[name] = (*before, *LIMITS[name].dims), values, labels
     return variables

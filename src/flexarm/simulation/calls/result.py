@@ -28,7 +28,7 @@ from flexarm.kernels.compilation.cache import can_compile
 from flexarm.kernels.recursion.closures import ROW_ANGLE, ROW_X, ROW_Y, ROWS
 from flexarm.linear.statics.axial import closure_warning
 from flexarm.model import arm_spec_of_text, file_text
-from flexarm.simulation.run.channels import CHANNELS
+from flexarm.simulation.run.channels import CHANNELS, SLIDING, Channel
 from flexarm.simulation.run.stepping import Run, section_channels
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ def _names_of(arm: Arm) -> tuple[object, ...]:
 def _labelled(arm: Arm, times: FloatArray, values: dict[str, FloatArray]) -> xr.Dataset:
     """Label the values of channels at times (samples,)."""
     variables = {
-        name: (("time", *CHANNELS[name].dims), array, channel_labels(arm, name))
+        name: (("time", *CHANNELS[name].dims), array, channel_labels(arm, CHANNELS[name]))
         for name, array in values.items()
     }
     stations = values["bending_moment"].shape[-1] if "bending_moment" in values else 0
@@ -207,7 +207,7 @@ def add_loop(dataset: xr.Dataset, loop: ClosedLoop, growth: float) -> xr.Dataset
     dataset.attrs |= loop.report()
     if "torque_command" not in dataset.variables:
         command = loop.command_at(dataset["time"].values)
-        labels = channel_labels(loop.run.arm, "torque_command")
+        labels = channel_labels(loop.run.arm, CHANNELS["torque_command"])
         dataset["torque_command"] = (("time", "joint"), command, labels)
     if loop.hardware is None:
         return dataset
@@ -244,18 +244,17 @@ def add_readings(
     return dataset.assign_coords(tick_time=ticks)
 
 
-#: Units of sliding joints by those of joints that turn.
-_SLIDING = {"rad": "m", "rad/s": "m/s", "N m": "N"}
-
-
-def channel_labels(arm: Arm, name: str) -> dict[str, str]:
+def channel_labels(arm: Arm, channel: Channel) -> dict[str, str]:
     """Return the attributes of a channel of an arm, which may have joints that slide."""
-    unit, turning = CHANNELS[name].unit, turning_joints(arm)
-    if "joint" in CHANNELS[name].dims and not turning.all():
-        unit = f"{unit} or {_SLIDING[unit]}" if turning.any() else _SLIDING[unit]
+    name, unit, turning = channel.name, channel.unit, turning_joints(arm)
+    labels = dict[str, str]()
+    if "joint" in channel.dims and unit in SLIDING and not turning.all():
+        if turning.any():
+            labels["slides"] = " ".join(map(str, arm.joint_numbers[~turning]))
+        unit = f"{unit} or {SLIDING[unit]}" if turning.any() else SLIDING[unit]
     elif name in ("q", "qd") and arm.assembly.constants.slides.any():
         unit = unit.replace(" or ", ", m or " if name == "q" else ", m/s or ")
-    return {"units": unit, "long_name": CHANNELS[name].meaning}
+    return {"units": unit, "long_name": channel.meaning} | labels
 
 
 def coordinates_of(

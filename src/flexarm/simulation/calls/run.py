@@ -362,7 +362,9 @@ def _result(
     if loop is not None and log is None:  # otherwise add_loop appends it
         channels["torque_command"] = loop.command_at(times)
     result = make_result(run.first_arm, times, channels, attributes)
-    result = add_limits(result, numbers, loop.instruments if loop is not None else ())
+    result = add_limits(
+        result, run.first_arm, numbers, loop.instruments if loop is not None else ()
+    )
     if log is not None:
         result = result.assign(event_variables(run.first_arm, log))
     return result if run.changes is None else result.assign(change_variables(run.changes))

@@ -21,6 +21,7 @@ from flexarm.control.analysis.sampled_loop import (
     sliding,
 )
 from flexarm.control.contract.base import Controller, Reference, has_poles
+from flexarm.control.design.arm_scales import joint_sizes
 from flexarm.control.design.rigid_model import values_of
 from flexarm.control.hardware.measurement import FloatArray
 from flexarm.control.hardware.sampled_plant import Signal
@@ -35,8 +36,8 @@ _NOTICED = 10.0
 #: pole of a joint that is damped only by up to 3e-5 in a sample time.
 _CERTAIN = 5e-5
 _OF_CONTACTS = ("contact_force", "contact_gap")
-#: Angle (rad) that the joints turn between the postures of a motion that are analysed, the most of
-#: these postures, and number of times at which the motion is examined.
+#: Angle (rad), or part of the reach, that joints move between the postures of a motion that are
+#: analysed, the most of these postures, and number of times at which the motion is examined.
 _APART, _MOST_PASSED, _LOOKED = 0.5, 3, 33
 #: Growth (1/s), frequency (Hz) and magnitude of dominant poles, by the number of the arm, the time
 #: of the posture (s) and its angles at the start.
@@ -94,7 +95,7 @@ def loop_poles(
     instruments = instruments_of(plant, loop.hardware, len(loop.contacts))
     end = min(float(getattr(loop.reference, "end_time", 0.0) or 0.0), duration)
     first = ChangedArm(plant, 0.0, changed[0].begin if changed else duration, "")
-    passed = _passed(loop.reference, end)
+    passed = _passed(plant, loop.reference, end)
     found, known, plants = [], {} if known is None else known, [plant]
     for part in (first, *changed):
         same = [k for k, other in enumerate(plants) if other.spec == part.plant.spec]
@@ -243,7 +244,9 @@ def _times(
     return times
 
 
-def _passed(reference: Reference | None, end: float) -> list[tuple[float, float, float]]:
+def _passed(
+    plant: Arm, reference: Reference | None, end: float
+) -> list[tuple[float, float, float]]:
     """Return begin, middle and end (s) of the times near postures that a motion passes."""
     if reference is None or not 0.0 < end < np.inf:
         return []
@@ -253,7 +256,8 @@ def _passed(reference: Reference | None, end: float) -> list[tuple[float, float,
         angles = values_of(reference, "joint_angle", times)
     except Exception:  # the run itself reports a failing reference
         return []
-    turned = np.append(0.0, np.abs(np.diff(angles, axis=0)).max(axis=1).cumsum())
+    moved = np.diff(angles, axis=0)
+    turned = np.append(0.0, np.abs(moved / joint_sizes(plant)).max(axis=1).cumsum())
     count = min(int(turned[-1] / _APART), _MOST_PASSED)
     shares = turned[-1] * np.arange(2 * count + 1) / max(2 * count, 1)
     edges = np.interp(shares, turned, times)

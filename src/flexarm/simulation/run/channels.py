@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 
 class Channel(NamedTuple):
@@ -54,6 +55,19 @@ _TABLE = (
     Channel("qd", ("coordinate",), "rad/s or m kg^0.5/s", "rates of the coordinates"),
 )
 
+#: Units of sliding joints by those of joints that turn.
+SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s^2": "m/s^2", "N m": "N"}
+
+
+def unit_of_part(attributes: Mapping[Any, Any], part: object) -> str:
+    """Return the unit of a part of a channel, from attributes in which joints may slide."""
+    unit = str(attributes.get("units", ""))
+    if "slides" not in attributes:
+        return unit
+    turning, _, sliding = unit.rpartition(" or ")
+    return sliding if str(part) in attributes["slides"].split() else turning
+
+
 _LIMITS = (
     Channel("loop_growth", (), "1/s", "largest real part of the poles of the sampled loop"),
     Channel("saturation", ("joint",), "1", "share of the run with the motor at its limit"),
@@ -64,7 +78,7 @@ _LIMITS = (
     Channel(
         "longest_reading_saturation", ("instrument",), "s", "longest time of a reading at its limit"
     ),
-    Channel("stop_depth", ("joint",), "rad", "largest angle beyond the stops, at the samples"),
+    Channel("stop_depth", ("joint",), "rad", "largest motion beyond the stops, at the samples"),
     Channel(
         "stop_hits",
         ("joint",),

@@ -191,7 +191,7 @@ def _succeeds(run: Run, history_of: Callable[[float], PiecewiseCubic], relative:
             good = _reaches_end(run, system, most)
     run.max_steps = pause
     samples, steps = run.samples[: run.progress.sample], run.progress.steps
-    if good and small_motion(tolerance, relative, True, samples, steps) is None:
+    if good and small_motion(run.arm, tolerance, relative, True, samples, steps) is None:
         constants = constants_with(run.arm, run.prescribed)
         seen = run.integrator.name, samples, constants, tolerance.unit, run.sample_times
         if run.settings.accuracy is None and not may_grow(*seen, large=True):

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexarm.integrate.base import FloatArray, Integrator, Progress, Status, System, Tolerance
+from flexarm.simulation.run.tolerance import scale_over_reach
 
 if TYPE_CHECKING:
     from flexarm.simulation.run.events import Mark
@@ -170,7 +171,7 @@ class _Pair:
         """Create the pair of a span; the caller then starts both trials."""
         whole = start.time == 0.0 and until >= run.duration
         unit = run.tolerance.unit
-        allowed = ALLOWED / float(unit[0, :, 0].min())
+        allowed = ALLOWED / scale_over_reach(run.arm.assembly.constants, unit)
         fine = _Trial(run.progress, run.sample_times, run.samples)
         if whole:
             coarse = replace(fine, samples=run.samples.copy())

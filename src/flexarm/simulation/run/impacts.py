@@ -42,7 +42,13 @@ from flexarm.simulation.run.default_step import default_step
 from flexarm.simulation.run.events import Mark
 from flexarm.simulation.run.integrator_choice import Choice, explicit_work
 from flexarm.simulation.run.stepping import Run
-from flexarm.simulation.run.tolerance import TIGHT, reach_of, share_of_finer
+from flexarm.simulation.run.tolerance import (
+    TIGHT,
+    joint_units,
+    reach_of,
+    scale_over_reach,
+    share_of_finer,
+)
 from flexarm.simulation.run.work import Checkpoints as Checkpoints
 from flexarm.simulation.run.work import run_open_loop
 
@@ -68,10 +74,10 @@ _RATIO = 1e2
 #: Difference of a run with a fixed step from one with half the step, as a part of the reach, above
 #: which it gets a warning.
 _WRONG = 1e-3
-#: Turn (rad) of a free joint, back and forth, and path of a mode as a displacement of the tip, over
-#: the reach, above which a run at the default accuracy is compared with one whose tolerances are
-#: larger by a ratio; and errors over the accuracy above which it is repeated with smaller
-#: tolerances, and above which that cannot help.
+#: Turn (rad) of a free joint, back and forth, or path of a slide over the reach, and path of a mode
+#: as a displacement of the tip, over the reach, above which a run at the default accuracy is
+#: compared with one whose tolerances are larger by a ratio; and errors over the accuracy above
+#: which it is repeated with smaller tolerances, and above which that cannot help.
 _FAR, _LASTING, LOOSER, _MISSED, _HOPELESS = 2.0 * np.pi, 0.3, 10.0, 3.0, 60.0
 #: Gap between two contacts, as a part of the reach, below which a point only presses: with force
 #: control it rebounds by up to 6e-4 and errors are below 2e-7 of the reach.
@@ -258,13 +264,14 @@ def may_grow(
     if len(samples) < 2:
         return False
     turns = np.abs(np.diff(samples[:, 0, :, 0], axis=0)).sum(axis=0)
+    turns /= joint_units(constants)
     share = 0.25 if large else 1.0
     if np.any(turns[constants.free > 0.0] > share * _FAR):
         return True
     if method != KennedyCarpenter5.name:
         return False
     bending = times[len(samples) - 1] * np.abs(samples[:, 1, :, 1:]).mean(axis=0)
-    path = bending / unit[0, :, 1:] * unit[0, :, 0].min()
+    path = bending / unit[0, :, 1:] * scale_over_reach(constants, unit)
     return bool(path.max(initial=0.0) > share * _LASTING)
 
 
@@ -415,9 +422,10 @@ def difference(run: Run, before: FloatArray, before_times: FloatArray, count: in
     """
     count = min(count, run.progress.sample)
     same = before_times[:count] == run.sample_times[:count]
-    unit = run.tolerance.unit[0]
-    apart = np.abs(before[:count, 0] - run.samples[:count, 0]) / unit
-    return np.asarray(apart.max(axis=(1, 2)) * same * float(unit[:, 0].min()))
+    unit = run.tolerance.unit
+    apart = np.abs(before[:count, 0] - run.samples[:count, 0]) / unit[0]
+    share = scale_over_reach(run.arm.assembly.constants, unit)
+    return np.asarray(apart.max(axis=(1, 2)) * same * share)
 
 
 def _parted(run: Run) -> float:

@@ -11,10 +11,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from flexarm.arm.arm import Arm
 from flexarm.integrate.base import FloatArray, Tolerance
 from flexarm.simulation.histories.piecewise import PiecewiseCubic
 from flexarm.simulation.run.impacts import run_through_impacts
 from flexarm.simulation.run.stepping import Run
+from flexarm.simulation.run.tolerance import scale_over_reach
 from flexarm.simulation.run.work import Checkpoints
 
 #: Absolute tolerance, in multiples of the relative one times the motion, above which a run with
@@ -47,7 +49,7 @@ def run_closely(
         run.doubt = run.doubt or _doubt_of_search(run, first)
         return
     steps = run.progress.steps
-    motion = small_motion(run.tolerance, tolerance.relative, default, first, steps)
+    motion = small_motion(run.arm, run.tolerance, tolerance.relative, default, first, steps)
     if motion is None:
         return
     fine = tolerance._replace(absolute=_REPEATED * tolerance.relative * motion)
@@ -58,17 +60,24 @@ def run_closely(
 
 
 def small_motion(
-    tolerance: Tolerance, relative: float, default: bool, samples: FloatArray, steps: int
+    arm: Arm,
+    tolerance: Tolerance,
+    relative: float,
+    default: bool,
+    samples: FloatArray,
+    steps: int,
 ) -> float | None:
     """Return the motion in a run that has to be repeated; None if one run is accurate enough."""
     share = _LOOSE * relative if default else max(_NEAR, relative)
-    return _motion(tolerance, samples, tolerance.absolute * min(1.0 / share, steps / _SUM))
+    return _motion(arm, tolerance, samples, tolerance.absolute * min(1.0 / share, steps / _SUM))
 
 
 def _doubt(requested: Tolerance, run: Run, first: FloatArray, motion: float) -> str:
     """Return the warning for a requested absolute tolerance by the samples of the first run."""
     second = run.samples[: run.progress.sample]
-    if _motion(requested, second, math.inf) is None:  # at rest: the first motion was the tolerance
+    if (
+        _motion(run.arm, requested, second, math.inf) is None
+    ):  # at rest: the first motion was the tolerance
         return ""
     count = min(len(first), len(second))
     apart = np.abs(first[:count, 0] - second[:count, 0]).max(axis=0) / requested.unit[0]
@@ -87,7 +96,7 @@ def _doubt_of_search(run: Run, samples: FloatArray) -> str:
     """Return the warning for a step that was found for larger motions; empty if it fits."""
     if run.default_step is None:
         return ""
-    motion = _motion(run.tolerance, samples, math.inf)
+    motion = _motion(run.arm, run.tolerance, samples, math.inf)
     apart, scale = run.default_step.difference, run.tolerance.scale
     if motion is None or apart <= _APART * motion * scale:
         return ""
@@ -98,7 +107,7 @@ def _doubt_of_search(run: Run, samples: FloatArray) -> str:
     )
 
 
-def _motion(tolerance: Tolerance, samples: FloatArray, limit: float) -> float | None:
+def _motion(arm: Arm, tolerance: Tolerance, samples: FloatArray, limit: float) -> float | None:
     """Return the largest motion of a coordinate if it is below a limit and the arm is not at rest.
 
     The motion is a displacement of the tip over ``Tolerance.scale``. Rates count by the motion that
@@ -108,7 +117,7 @@ def _motion(tolerance: Tolerance, samples: FloatArray, limit: float) -> float | 
     motion = _largest(tolerance, samples[::stride])
     if motion < limit and stride > 1:
         motion = _largest(tolerance, samples)
-    reach = 1.0 / tolerance.unit[0, :, 0].min()
+    reach = 1.0 / scale_over_reach(arm.assembly.constants, tolerance.unit)
     return motion if _REST * reach < motion < limit else None
 
 

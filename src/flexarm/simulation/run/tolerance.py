@@ -66,10 +66,22 @@ def for_arm(tolerance: Tolerance, arm: Arm, state: FloatArray, horizon: float) -
 @once_per_arm
 def reach_of(arm: Arm) -> float:
     """Return the distance (m) from the base to the tip of the straight arm."""
-    turning = arm.assembly.constants.slides == 0.0
-    if not turning.all():
-        return float(reaches(arm.assembly.constants)[0].max())
-    return 1.0 / float(tip_units(arm)[0, :, 0].min())
+    return 1.0 / scale_over_reach(arm.assembly.constants, tip_units(arm))
+
+
+def joint_units(constants: ArmConstants) -> FloatArray:
+    """Return joint coordinates (n,) that displace the tip by about the reach: 1 rad, or the reach.
+
+    The latter of joints and bases that slide, m.
+    """
+    if not constants.slides.any():
+        return np.ones(constants.slides.size)
+    return np.where(constants.slides > 0.0, reaches(constants)[0].max(), 1.0)
+
+
+def scale_over_reach(constants: ArmConstants, unit: FloatArray) -> float:
+    """Return ``Tolerance.scale`` over the reach, from ``Tolerance.unit``."""
+    return float((unit[0, :, 0] / joint_units(constants)).min())
 
 
 def tip_units(arm: Arm, scale: float = 1.0, horizon: float = 1.0) -> FloatArray:

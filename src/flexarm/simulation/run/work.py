@@ -29,7 +29,7 @@ from flexarm.simulation.run.integrator_choice import (
     settling,
 )
 from flexarm.simulation.run.stepping import Run, system_of
-from flexarm.simulation.run.tolerance import RTOL
+from flexarm.simulation.run.tolerance import RTOL, scale_over_reach
 
 #: Explicit work above which a trial is made. Below, a run takes some milliseconds, and a second
 #: method would have to be compiled.
@@ -161,7 +161,7 @@ def _decay(start: Start, state: FloatArray) -> float:
     tolerance = start.tolerance
     absolute, relative, unit = tolerance.absolute, tolerance.relative, tolerance.unit
     size = (np.abs(state) / unit)[:, :, 1:].max(initial=0.0)
-    reach = 1.0 / unit[0, :, 0].min()
+    reach = 1.0 / scale_over_reach(start.arm.assembly.constants, unit)
     if size > _SEEN * (absolute + relative * reach):
         return np.inf
     return float(_DECAY * (size / (absolute + relative * size)) ** _POWER)
