@@ -337,6 +337,15 @@ def test_commissioning_from_a_wrong_data_sheet():
 
 
 @pytest.mark.thorough
+def test_effects_that_have_no_meaning_together_are_left_out():
+    # Alone, friction explains residuals of this record; beside a gain it would be negative.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = fa.commission(data_sheet("gain", 8), faulty_record("gain", 8, 2.0), progress=False)
+    assert names_fault(found, "gain")
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize("fault", [kind for kind in FAULTS if kind not in UNSEEN[ONE.name]])
 def test_planted_faults_are_named(fault):
     with warnings.catch_warnings():

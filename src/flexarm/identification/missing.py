@@ -155,6 +155,8 @@ def missing_effects(
     return [
         Effect(_sentence(*test, size), shift, test[0].path, float(size), alike, test)
         for test, size, shift, alike in zip(chosen, sizes, shifts.T, rivals, strict=True)
+        # Together, effects may leave a size without meaning for one that was positive alone.
+        if size > 0.0 or not test[0].positive
     ]
 
 
