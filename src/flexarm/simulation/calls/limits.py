@@ -174,8 +174,8 @@ def _stops(run: Run) -> tuple[dict[str, FloatArray], str]:
     count = np.where(limited, hits, np.nan)
     numbers = {"stop_depth": deepest, "stop_hits": count}
     sizes = coordinate_sizes(run.arm)[run.arm.joint_index].tolist()
-    rows = run.arm.joint_numbers, _joints(run.arm), deepest, sizes
-    for number, joint, beyond_stop, size in zip(*rows, strict=True):
+    listed = run.arm.joint_numbers, _joints(run.arm), deepest, sizes
+    for number, joint, beyond_stop, size in zip(*listed, strict=True):
         if joint.limits is None:
             continue
         width, turns = joint.limits.upper - joint.limits.lower, joint.kind == "revolute"
