@@ -53,7 +53,7 @@ _TURNED = 1.0
 #: Default bandwidth of robust loops of the joints, relative to `typical_rate`.
 BANDWIDTH = 1.25
 #: Default noise of encoders (rad; of sliding joints relative to the reach) and gauges (strain).
-_NOISE = {"joint_angle": 1e-4, "strain": 2e-5}
+NOISE = {"joint_angle": 1e-4, "strain": 2e-5}
 
 
 def joint_sizes(arm: Arm) -> float | FloatArray:
@@ -63,11 +63,6 @@ def joint_sizes(arm: Arm) -> float | FloatArray:
     """
     sizes = coordinate_sizes(arm)[arm.joint_index]
     return 1.0 if np.all(sizes == 1.0) else sizes
-
-
-def default_noise(arm: Arm) -> dict[str, float | FloatArray]:
-    """Return the default standard deviations of the noise of encoders and gauges."""
-    return _NOISE | {"joint_angle": _NOISE["joint_angle"] * joint_sizes(arm)}
 
 
 def typical_rate(arm: Arm, sample_time: float) -> float:
@@ -136,9 +131,8 @@ def design_requirements(
         gauged = bool(arm.gauges)
         if instruments is not None:
             gauged &= any(item.signal == "strain" for item in instruments)
-        measured = {
-            name: noise for name, noise in default_noise(arm).items() if name != "strain" or gauged
-        }
+        measured = {"joint_angle": NOISE["joint_angle"] * sizes}
+        measured |= {"strain": NOISE["strain"]} if gauged else {}
     if disturbance is None:
         disturbance = {"torque": 0.1 * torque, "tip_force": 0.2 * np.max(torque * sizes) / reach}
     if integral is None or integral is False:

@@ -22,12 +22,7 @@ from flexarm.control.analysis.margins import (
     without_friction,
 )
 from flexarm.control.analysis.sampled_loop import SampledLoop
-from flexarm.control.design.arm_scales import (
-    default_noise,
-    joint_sizes,
-    near_inertias,
-    rigid_inertias,
-)
+from flexarm.control.design.arm_scales import NOISE, near_inertias, rigid_inertias
 from flexarm.control.design.linear_design import CHORD
 from flexarm.control.laws.task_controller import HybridForce, Impedance
 from flexarm.integrate.base import FloatArray
@@ -68,8 +63,7 @@ _CROSSOVERS = (0.2, 0.4, 0.7, 1.1, 1.6)
 #: to the lowest frequency; noise of a measured tip, and acceptable integral of its error times that
 #: frequency, relative to the length.
 _TIP, _RATE, _TIP_NOISE, _TIP_INTEGRAL = 0.004, 0.0064, 4e-4, 3e-4
-#: Acceptable joint angles of arms with more joints than coordinates of the tip, rad; of slides
-#: relative to the reach.
+#: Acceptable joint angles of arms with more joints than coordinates of the tip, rad.
 _ANGLE = 0.01
 #: Acceptable angular accelerations relative to the square of that frequency: less than the default,
 #: because the designs must be stable with the uncertain payload, too.
@@ -96,8 +90,7 @@ _SOME = 0.1
 _FORCE = (0.4, 0.8, 1.4)
 #: Factors of the default damping of the tip, which is too high for some surfaces.
 _SOFTER = (1.0, 0.3, 0.1)
-#: Angle (rad), or part of the reach, by which a joint must move so that a design is scheduled
-#: over it.
+#: Angle (rad) by which a joint must move so that a design is scheduled over it.
 _SCHEDULED = 0.3
 
 
@@ -282,18 +275,18 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
     """Yield settings of LQG and MPC, in increasing order of lost performance."""
     reach = needs.arm.reach
     omega = _frequency(needs)
-    tip, noise, integral = rounded(
-        [_TIP * reach, _TIP_NOISE * reach, _TIP_INTEGRAL * reach / omega], 2
+    tip, rate, noise, integral = rounded(
+        [_TIP * reach, _RATE * omega, _TIP_NOISE * reach, _TIP_INTEGRAL * reach / omega], 2
     )
-    measured = default_noise(needs.arm)
+    measured = dict(NOISE)
     if "gauges" not in needs.sensors:
         del measured["strain"]
     common: Drive = {
-        "acceptable": {"tip": tip, "joint_rate": _of_joints(needs.arm, _RATE * omega)},
-        "acceptable_torque": rounded(_BRISK * omega**2 * _inertias(needs) * joint_sizes(needs.arm)),
+        "acceptable": {"tip": tip, "joint_rate": rate},
+        "acceptable_torque": rounded(_BRISK * omega**2 * _inertias(needs)),
     }
     if needs.arm.n_joints > 2:  # the tip does not determine the joints
-        common["acceptable"]["joint_angle"] = _of_joints(needs.arm, _ANGLE)
+        common["acceptable"]["joint_angle"] = _ANGLE
     if "tip" in needs.sensors:
         measured["tip"] = noise
         common["integral"] = {"tip": integral}
@@ -312,17 +305,9 @@ def _quadratic(needs: Requirements, kind: str) -> Iterator[Drive]:
     torque = np.array(common["acceptable_torque"])
     for gentle, noisy in _GENTLE:
         common["acceptable_torque"] = rounded(gentle * torque)
-        common["measured"] = {
-            name: (noisy * np.asarray(size)).tolist() for name, size in measured.items()
-        }
+        common["measured"] = {name: noisy * size for name, size in measured.items()}
         for unsure, recovery in dict.fromkeys(tried if noisy == 1.0 else tried[:1]):
             yield {"kind": kind, "rigidity_uncertainty": unsure, "recovery": recovery, **common}
-
-
-def _of_joints(arm: Arm, size: float) -> float | list[float]:
-    """Return the rounded size of a motion in the unit of the joints: one number if all turn."""
-    numbers = rounded(np.atleast_1d(size * joint_sizes(arm)), 2)
-    return numbers[0] if len(numbers) == 1 else numbers
 
 
 def _designs(needs: Requirements) -> Drive:
@@ -331,7 +316,7 @@ def _designs(needs: Requirements) -> Drive:
     # of the tip does. The grid has at most two dimensions.
     first, last = needs.postures[[0, -1]]
     middle = rounded((first + last) / 2.0)
-    turned = np.abs(last - first) / joint_sizes(needs.arm)
+    turned = np.abs(last - first)
     tip = "tip" in needs.sensors
     if not (tip or any(needs.arm.spec.gravity)):
         turned[0] = 0.0
