@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import flexarm as fa
+from flexarm.identification.findings import findings_of
 from flexarm.identification.runs import RecordRun, output_derivatives
 from flexarm.identification.space import Space, check_free
 
@@ -85,3 +87,13 @@ def test_deviations_with_a_late_smooth_torque_are_not_too_small():
     assert max(map(abs, errors.values())) < 3.5, errors
     assert any("torque is late" in sentence for sentence in found.findings)
     assert not any("joint_angle_1 is late" in sentence for sentence in found.findings)
+
+
+def test_findings_of_sliding_joints_are_in_newtons():
+    paths = ["joints[0].friction.coulomb", "joints[1].friction.coulomb", "offsets.torque_2"]
+    columns = {"estimate": [2.0, 3.0, 0.5], "start": [0.0] * 3, "standard_deviation": [0.01] * 3}
+    table = xr.Dataset({k: ("parameter", v) for k, v in columns.items()}, {"parameter": paths})
+    first, second, offset = findings_of(table, (), {2})
+    assert first.endswith("friction of about 2 N m.")
+    assert "of about 3 N; without the offset of torque_2, 3.5 N at positive and 2.5 N" in second
+    assert offset == "torque_2 reads +0.5 N at zero: an offset."

@@ -339,16 +339,21 @@ def test_friction_that_holds_more_joints_than_a_loop_leaves_free_is_refused(flex
     # A four-bar moves in one way: two joints at rest hold it twice, and the run had no solution.
     holds, smooth = fa.Friction(coulomb=0.2), fa.Friction(coulomb=0.2, smoothing_rate=1e-3)
 
-    def run(*frictions):
-        joints = [fa.Joint(hub_inertia=0.05, friction=frictions[0])]
-        joints += [fa.Joint(friction=frictions[1]), fa.Joint(offset=(1.0, 0.0))]
+    def run(*frictions, prescribed=None, **gear):
+        joints = [fa.Joint(hub_inertia=0.05, friction=frictions[0], **gear)]
+        joints += [fa.Joint(friction=frictions[1], **gear), fa.Joint(offset=(1.0, 0.0))]
         closed = four_bar(flexible=flexible, joints=joints)
         arm = fa.Arm(closed.spec)
         start = fa.assembled(arm, arm.rest(closed.joints), held=[1]).q
-        return fa.simulate(arm, 0.05, initial=start, torque=lambda _: [3.0, 0.0, 0.0])
+        torque = None if prescribed else lambda _: [3.0, 0.0, 0.0]
+        held = {1: fa.PrescribedAngle.hold(closed.joints[0])} if prescribed else None
+        return fa.simulate(arm, 0.02, initial=start, torque=torque, prescribed=held)
 
     words = r"friction of arm.joints\[0\], arm.joints\[1\] holds more .* smoothing_rate"
     with pytest.raises(fa.InputError, match=words):
         run(holds, holds)
     for frictions in ((holds, None), (None, holds), (holds, smooth), (smooth, smooth)):
         assert np.all(np.isfinite(run(*frictions)["q"].values))
+    # A gear lets its joint move beside its motor, and friction cannot stop a prescribed motion.
+    assert np.all(np.isfinite(run(holds, holds, stiffness=100.0, rotor_inertia=0.01)["q"].values))
+    assert np.all(np.isfinite(run(holds, holds, prescribed=True)["q"].values))

@@ -227,22 +227,24 @@ def refuse_opening(
             _refuse_dependent(arm, J[:, free])
 
 
-def refuse_jamming(arm: Arm, q: FloatArray) -> None:
+def refuse_jamming(arm: Arm, q: FloatArray, driven: Sequence[int] = ()) -> None:
     """Raise if friction can hold more joints at q (dof,) than the loops leave free to move.
 
     The torques of such joints at rest depend on each other, so that the run has no solution.
+    ``driven`` are the coordinates of joints with a prescribed motion, which friction cannot stop.
     """
     assembly = arm.assembly
     holds = assembly.constants.holds[assembly.joint_body] * assembly.breakaway > 0.0
+    holds &= ~np.isin(arm.joint_index, driven)
     if not arm.closure_rows or np.count_nonzero(holds) < 2:
         return
     J = _scaled(arm, arm.closure_jacobian(q))
     most = np.abs(J).max() * _DEPENDENT
-    every, rest = (
-        int(np.linalg.matrix_rank(J[:, arm.joint_index[places]], tol=most))
-        for places in (np.full(holds.size, True), ~holds)
-    )
-    if rest < every:
+    twists = [seat.twist for seat in assembly.seats if seat.twist is not None]
+    moving = np.setdiff1d(np.union1d(_rigid_coordinates(arm), twists), driven).astype(np.intp)
+    rest = np.setdiff1d(moving, arm.joint_index[holds])
+    every, left = (int(np.linalg.matrix_rank(J[:, k], tol=most)) for k in (moving, rest))
+    if left < every:
         name = ", ".join(f"arm.joints[{seat.link}]" for seat in compress(assembly.seats, holds))
         rule = "holds more joints of a loop at rest than the loop leaves free"
         hint = "Let fewer of them hold, or give them a smoothing_rate, with which they creep."

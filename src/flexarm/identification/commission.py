@@ -174,7 +174,8 @@ def commission(
     table = result.parameters.assign(start=("parameter", starts))
     delays = [each for record in fitted.values() for each in record.settings.delays.items()]
     stated = {channel for channel, delay in delays if delay}
-    findings += [*findings_of(table, stated), *alike_masses(table, work.free)]
+    slides = {k for k, joint in enumerate(arm.spec.joints, 1) if joint.kind == "prismatic"}
+    findings += [*findings_of(table, stated, slides), *alike_masses(table, work.free)]
     return replace(result, parameters=table, stages=work.stages(), findings=tuple(findings))
 
 
@@ -387,8 +388,9 @@ class _Commissioning:
                 axis, none = axis - np.eye(vector.size)[places[coulomb]], 0.0
             elif not of_records(path):
                 continue
-            with np.errstate(invalid="ignore"):  # infinite variances
-                deviation = np.sqrt(axis @ covariance @ axis)
+            used = np.flatnonzero(axis)  # others may have infinite variances
+            with np.errstate(invalid="ignore"):
+                deviation = np.sqrt(axis[used] @ covariance[np.ix_(used, used)] @ axis[used])
             needs[path] = float(np.nan_to_num(abs(axis @ vector - none) / deviation))
         return needs
 

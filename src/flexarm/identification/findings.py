@@ -12,6 +12,7 @@ from flexarm.identification.missing import OF_JOINT, error_of_stated
 from flexarm.identification.record import MEASURED, label_of
 from flexarm.identification.space import in_words
 from flexarm.model.identification import INPUTS
+from flexarm.simulation.run.channels import SLIDING
 
 #: Relative error of a gauge's distance, and of friction by its breakaway torque, that is named, and
 #: least size of an error in standard deviations. Smooth friction has a smaller peak for sticking.
@@ -21,12 +22,15 @@ _FACTORS, _UNITS = (1.0 / 3.0, 3.0), ": check the units of the record, such as d
 _RIVAL = ", or masses that differ from the data sheet by more than 10 %"
 
 
-def findings_of(table: xr.Dataset, stated: Container[str]) -> list[str]:
+def findings_of(
+    table: xr.Dataset, stated: Container[str], slides: Container[object] = ()
+) -> list[str]:
     """Return sentences on physics and instruments from the estimates of the last fit.
 
-    ``stated``: channels whose delay the records state.
+    ``stated``: channels whose delay the records state; ``slides``: numbers of joints that slide.
     """
     sentences = []
+    estimates = table["estimate"].to_series().to_dict()
     columns = (table[name].values for name in ("estimate", "start", "standard_deviation"))
     rows = zip(table["parameter"].values.tolist(), *columns, strict=True)
     changed = {
@@ -38,23 +42,28 @@ def findings_of(table: xr.Dataset, stated: Container[str]) -> list[str]:
         kind, _, text = path.partition(".")
         label = label_of(text)
         unit = MEASURED[label.channel].unit.replace("1", "") if label else ""
+        if label and label.part in slides:
+            unit = SLIDING.get(unit, unit)
         match = OF_JOINT.match(path)
         joint = int(match[1]) + 1 if match else 0
+        torque = "N" if joint in slides else "N m"
         if match and match[2] == "backlash":
             sentences.append(f"Joint {joint} has backlash of about {value:.2g} rad.")
         elif match and match[2] == "friction.static":
-            if value < (1.0 + _NAMED) * changed.get(path.replace("static", "coulomb"), (0.0,))[0]:
+            if value < (1.0 + _NAMED) * estimates.get(path.replace("static", "coulomb"), 0.0):
                 continue
             sentences.append(
-                f"Joint {joint} breaks away at about {value:.2g} N m: Stribeck friction."
+                f"Joint {joint} breaks away at about {value:.2g} {torque}: Stribeck friction."
             )
         elif match and start == 0.0:
-            sentence = f"Joint {joint} stops early: Coulomb friction of about {value:.2g} N m"
+            sentence = f"Joint {joint} stops early: Coulomb friction of about {value:.2g} {torque}"
             # While a joint moves, an offset of its torque and friction of each direction are equal.
             offset = changed.get(f"offsets.torque_{joint}", (0.0, 0.0))[0]
             if offset:
-                sentence += f"; without the offset of torque_{joint}, {value + offset:.2g} N m at "
-                sentence += f"positive and {value - offset:.2g} N m at negative rates"
+                sentence += (
+                    f"; without the offset of torque_{joint}, {value + offset:.2g} {torque} "
+                )
+                sentence += f"at positive and {value - offset:.2g} {torque} at negative rates"
             sentences.append(f"{sentence}.")
         elif kind == "offsets":
             size = f"{value:+.2g} {unit}".strip()

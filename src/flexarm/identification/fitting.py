@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexarm.base.errors import InputError
-from flexarm.identification.runs import COARSE as COARSE_RTOL
 from flexarm.identification.runs import RecordRun, output_derivatives
 from flexarm.identification.space import Space
 from flexarm.integrate.base import FloatArray
@@ -184,10 +183,9 @@ class FitProblem:
         every, searched = [], False
         for k, run in enumerate(self.runs):
             places = self.space.acting_on(k)
-            coarse = searching and run.rtol < COARSE_RTOL
-            slopes = output_derivatives(
-                run.coarse() if coarse else run, self.space, k, vector, places
-            )
+            taken = run.coarse() if searching else run
+            coarse = taken is not run
+            slopes = output_derivatives(taken, self.space, k, vector, places)
             if coarse and self._wild(run, slopes, places):
                 slopes, coarse = output_derivatives(run, self.space, k, vector, places), False
             if isinstance(slopes, str):

@@ -82,11 +82,12 @@ def with_input_noise(
 def _changes_of(run: RecordRun, case: Case, random: np.random.Generator) -> FloatArray:
     """Return changes (samples, channels, runs) of the outputs of a record; zero without noise."""
     changes = np.zeros((*run.measured.shape, _RUNS))
-    record, largest = run.record, np.abs(run.samples).max()
+    record = run.record
     stated = record.settings.noise.get(record.input)
     exact = not record.driven or (record.interpolation == "hold" and stated is None)
     if exact or record.input == "none" or isinstance(run, PredictedRun):
         return changes
+    largest = np.abs(run.samples).max()
     noise = noise_of(run.samples) if stated is None else np.full(run.samples.shape[1], stated)
     if noise.max() <= _LEAST * largest:
         return changes

@@ -170,9 +170,11 @@ class RecordRun:
         return self._with_rtol(min(self.rtol, _TIGHT))
 
     def _with_rtol(self, rtol: float) -> RecordRun:
+        fixed = self._options.get("step") is not None or self._options.get("integrator") == "rk4"
+        if fixed or rtol == self._options.get("rtol"):
+            return self
         run = copy(self)
-        if self._options.get("step") is None and self._options.get("integrator") != "rk4":
-            run._options = {**self._options, "rtol": rtol}
+        run._options = {**self._options, "rtol": rtol}
         return run
 
     def _history(self, samples: FloatArray, late: float = 0.0) -> PiecewiseCubic:
@@ -565,7 +567,8 @@ def _resized(run: RecordRun, path: str, slope: FloatArray, outputs: FloatArray) 
     """Correct the step of a number by the change of the outputs per scale; whether it was wrong."""
     # The error of a central difference grows with the square of the change that its step makes,
     # that of the runs falls with it: both are small if the change is the third root of the latter.
-    sizes = np.maximum(outputs.std(axis=0), run.measured.std(axis=0, where=run.valid))
+    measured = np.where(run.valid, run.measured, outputs)
+    sizes = np.maximum(outputs.std(axis=0), measured.std(axis=0))
     changes = np.sqrt(np.mean(slope**2, axis=0))[sizes > 0.0] / sizes[sizes > 0.0]
     change = float(changes.max(initial=0.0))
     step = float(np.cbrt(run.rtol)) / change if change > 0.0 else np.inf

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexarm.arm.arm import Arm
 from flexarm.control.contract.base import (
     Arrays,
     Controller,
@@ -112,8 +113,8 @@ def linear_controller(
     if step.analytic:
         return step.linear(step.slope())
     kinds = dict(signals or {})
-    arm = next((item.arm for item in around(law) if hasattr(item, "arm")), None)
-    joints = 1.0 if arm is None else joint_sizes(arm)
+    arms = [getattr(item, "arm", None) for item in around(law)]
+    joints = next((joint_sizes(arm) for arm in arms if isinstance(arm, Arm)), 1.0)
     times = law.sample_time
     sizes = [_sizes(kinds.get(k, k), value, times, joints) for k, value in readings.items()]
     return step.linear(_differences(step, np.concatenate([np.zeros(0), *sizes])))

@@ -46,8 +46,8 @@ _GROWN, _OF_ALL, _HELD = 0.5, 0.1, 0.1
 #: limit whenever the surface is far.
 _BLIND = 0.1
 #: Depth in a stop that is reported: fraction of the range of the joint, between two angles (rad) or
-#: fractions of the reach.
-#: Depth of a contact that is reported: fractions of the reach, and of the radius of a post.
+#: fractions of the reach. Depth of a contact that is reported: fractions of the reach, and of the
+#: radius of a post.
 _OF_RANGE, _TURNED, _OF_REACH, _OF_RADIUS = 0.25, (0.1, 0.35), 0.1, 0.5
 #: Error of the tip at rest in which the sag is looked for, as a fraction of the reach, and fewest
 #: samples at rest.

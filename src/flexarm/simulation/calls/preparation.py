@@ -317,7 +317,7 @@ def check_loops(arm: Arm, state: FloatArray, prescribed: Collection[int] = ()) -
         free = [index for index in range(arm.dof) if index not in driven]
         q, qd = arm.unpadded(state)
         refuse_opening(arm, ("initial", "initial_rate"), q, qd, free)
-        refuse_jamming(arm, q)
+        refuse_jamming(arm, q, driven)
         _closed[arm] = start
 
 

@@ -75,9 +75,8 @@ def small_motion(
 def _doubt(requested: Tolerance, run: Run, first: FloatArray, motion: float) -> str:
     """Return the warning for a requested absolute tolerance by the samples of the first run."""
     second = run.samples[: run.progress.sample]
-    if (
-        _motion(run.arm, requested, second, math.inf) is None
-    ):  # at rest: the first motion was the tolerance
+    # At rest, the first motion was the tolerance.
+    if _motion(run.arm, requested, second, math.inf) is None:
         return ""
     count = min(len(first), len(second))
     apart = np.abs(first[:count, 0] - second[:count, 0]).max(axis=0) / requested.unit[0]
