@@ -46,6 +46,7 @@ def written(tmp_path, text):
 
 
 @pytest.mark.filterwarnings("ignore::flexarm.LimitWarning")  # of the accelerometer
+@pytest.mark.filterwarnings("ignore::flexarm.UnstableLoopWarning")  # the motors are slow
 def test_same_run_as_in_python(tmp_path):
     from_file = fa.run_scenario(written(tmp_path, ARM + HARDWARE))
     arm = fa.load_arm(tmp_path / "scenario.yaml")
