@@ -5,7 +5,9 @@ import pytest
 import xarray as xr
 
 import flexarm as fa
+from flexarm.identification.commission import _Commissioning
 from flexarm.identification.findings import findings_of
+from flexarm.identification.missing import _unit
 from flexarm.identification.runs import RecordRun, output_derivatives
 from flexarm.identification.space import Space, check_free
 
@@ -39,7 +41,7 @@ def arm(changed=1.0, coulomb=0.0):
     return fa.Arm(links=[link], joints=[joint], payload=fa.Payload(mass=0.2))
 
 
-def record(seed, duration=3.0):
+def record(seed, duration=3.0, coulomb=0.08):
     """Return the record of an arm whose smooth torque acts late, with noise in every channel."""
     random = np.random.default_rng(seed)
     hertz, phase = 0.4 + 0.9 * np.arange(12), random.uniform(0.0, 2.0 * np.pi, 12)
@@ -48,7 +50,7 @@ def record(seed, duration=3.0):
         time = max(time - DELAY, 0.0)
         return [min(1.0, time / 0.1) * 0.25 * np.sum(np.sin(2.0 * np.pi * hertz * time + phase))]
 
-    result = fa.simulate(arm(coulomb=0.08), duration, torque=torque, rate=500, progress=False)
+    result = fa.simulate(arm(coulomb=coulomb), duration, torque=torque, rate=500, progress=False)
     data = result[["joint_angle", "strain"]].copy(deep=True)
     data["torque"] = ("time", "joint"), [torque(time + DELAY) for time in data["time"].values]
     for name, noise in NOISE.items():
@@ -97,3 +99,21 @@ def test_findings_of_sliding_joints_are_in_newtons():
     assert first.endswith("friction of about 2 N m.")
     assert "of about 3 N; without the offset of torque_2, 3.5 N at positive and 2.5 N" in second
     assert offset == "torque_2 reads +0.5 N at zero: an offset."
+    assert [_unit(path, "N m", {2}) for path in paths] == ["N m", "N", "N"]
+
+
+def test_errors_of_records_that_the_data_do_not_require_leave_the_model():
+    options = {"rtol": 1e-5}
+    work = _Commissioning(arm(changed=1.1), {"a": record(1, coulomb=0.0)}, None, options, False)
+    numbers = ["joints[0].hub_inertia", "joints[0].damping", "links[0].flexural_rigidity"]
+    numbers += ["links[0].damping.stiffness_coefficient", "links[0].gauges[0].distance"]
+    errors = ["delays.torque", "offsets.strain_1", "offsets.joint_angle_1"]
+    _, kept = work._tried("all", work.case, {p: fa.FreeParameter(p) for p in numbers + errors})
+    assert kept
+    assert set(errors) <= set(work.free)
+    work.drop_needless({"offsets.joint_angle_1"})  # stated by the user
+    assert set(errors) <= set(work.free)
+    work.drop_needless(())
+    assert set(work.free) == {*numbers, "delays.torque", "offsets.strain_1"}
+    assert work.stages()["stage"].values[-1] == "without offset of joint_angle_1"
+    assert "offsets.joint_angle_1" not in work.case.errors

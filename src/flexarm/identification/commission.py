@@ -44,6 +44,7 @@ from flexarm.identification.missing import (
     information_of,
     joined,
     missing_effects,
+    sliding_joints,
     smoothing_rates,
     without,
 )
@@ -86,8 +87,8 @@ _EVALUATIONS = 40
 _GAIN, _PERFECT = 0.01, 99.9
 #: Most rounds in which effects that residuals show join the model.
 _ROUNDS = 3
-#: Most rivals of an effect that are fitted, too, and deviations from which an effect is needed.
-_RIVALS, _NEEDED = 2, 2.0
+#: Deviations from which an effect is needed.
+_NEEDED = 2.0
 #: Least change of the outputs by a large change of a parameter, in first guesses of the noise.
 _NO_EFFECT = 1e-6
 #: Distance of a start from bounds, as a fraction of their distance or the size of a parameter.
@@ -174,8 +175,8 @@ def commission(
     table = result.parameters.assign(start=("parameter", starts))
     delays = [each for record in fitted.values() for each in record.settings.delays.items()]
     stated = {channel for channel, delay in delays if delay}
-    slides = {k for k, joint in enumerate(arm.spec.joints, 1) if joint.kind == "prismatic"}
-    findings += [*findings_of(table, stated, slides), *alike_masses(table, work.free)]
+    named = findings_of(table, stated, sliding_joints(arm.spec))
+    findings += [*named, *alike_masses(table, work.free)]
     return replace(result, parameters=table, stages=work.stages(), findings=tuple(findings))
 
 
@@ -220,7 +221,8 @@ class _Commissioning:
         self.sheet: dict[str, float] = {}
         self._initial: dict[str, float] = {}  # estimates of initial states, by name
         self._rows: list[_Row] = []
-        self._last: _Fitted | None = None  # the fit that predicts best
+        #: The last fit that was kept, unless joints followed their angles in it
+        self._last: _Fitted | None = None
 
     def go_through(self, more: Sequence[FreeParameter]) -> None:
         """Go through all stages; ``more`` are free parameters besides those of the data sheet."""
@@ -320,20 +322,9 @@ class _Commissioning:
             effects = self._effects(fitted) if fitted else []
             if fitted is None or not effects:
                 return
-            free, row = dict(self.free), len(self._rows)
             best = self._with_effects(fitted, effects, following)
             if best is None and len(effects) > 1:
                 best = self._with_effects(fitted, effects[:1], following)
-            for path in effects[0].rivals[:_RIVALS]:
-                others = self._effects(fitted, path)
-                paths = {effect.path for effect in others}
-                if path not in paths or paths == {effect.path for effect in effects}:
-                    continue
-                rival = self._with_effects(fitted, others, following)
-                if rival is not None:  # it predicts better than the best before
-                    self.free = free | rival.free
-                    self._rows[row:-1] = [each._replace(kept=False) for each in self._rows[row:-1]]
-                    best = rival
             if best is None:
                 return
             fitted = best
@@ -464,8 +455,8 @@ class _Commissioning:
             {"stage": [row.name for row in self._rows], "channel": channels},
         )
 
-    def _effects(self, fitted: _Fitted, first: str = "") -> list[Effect]:
-        """Return the effects that residuals show, from ``first`` on, and parameters describe."""
+    def _effects(self, fitted: _Fitted) -> list[Effect]:
+        """Return the effects that residuals show and that parameters can describe."""
         problem, fit = fitted.problem, fitted.fit
         if min(fits_by_channel(problem.runs, fit.outputs).values()) > _PERFECT:
             return []
@@ -477,7 +468,7 @@ class _Commissioning:
         gauges = any(path.endswith(".distance") for path in self.sheet)
         return [
             effect
-            for effect in missing_effects(problem, fit, columns, priors, first=first)
+            for effect in missing_effects(problem, fit, columns, priors)
             if not (gauges and effect.path.startswith("gains.strain"))
             and can_join(fitted.case.spec, effect.path)
         ]

@@ -8,11 +8,10 @@ import numpy as np
 import xarray as xr
 
 from flexarm.identification.data_sheet import Parameters
-from flexarm.identification.missing import OF_JOINT, error_of_stated
-from flexarm.identification.record import MEASURED, label_of
+from flexarm.identification.missing import OF_JOINT, error_of_stated, unit_of
+from flexarm.identification.record import label_of
 from flexarm.identification.space import in_words
 from flexarm.model.identification import INPUTS
-from flexarm.simulation.run.channels import SLIDING
 
 #: Relative error of a gauge's distance, and of friction by its breakaway torque, that is named, and
 #: least size of an error in standard deviations. Smooth friction has a smaller peak for sticking.
@@ -41,9 +40,7 @@ def findings_of(
     for path, (value, start) in changed.items():
         kind, _, text = path.partition(".")
         label = label_of(text)
-        unit = MEASURED[label.channel].unit.replace("1", "") if label else ""
-        if label and label.part in slides:
-            unit = SLIDING.get(unit, unit)
+        unit = unit_of(label, slides) if label else ""
         match = OF_JOINT.match(path)
         joint = int(match[1]) + 1 if match else 0
         torque = "N" if joint in slides else "N m"

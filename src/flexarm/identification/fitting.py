@@ -23,8 +23,8 @@ _GUESS, _LEAST = 0.1, 1e-7
 #: Relative changes of the sum of squares or of the parameters that end the fit.
 COARSE, _FINE = 1e-3, 1e-6
 
-#: Change of outputs by that of a parameter by its scale, relative to the outputs, from which a
-#: derivative is none.
+#: Change of outputs, relative to them, by that of a parameter by its scale: from it on, the
+#: derivative is that of unstable steps.
 _WILD = 1e4
 #: First step of a search, in scales of the parameters.
 _FIRST = 0.3

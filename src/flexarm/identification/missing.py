@@ -10,7 +10,7 @@ is compared with the residuals. The estimates of a model that has the effect are
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ from flexarm.identification.data_sheet import driven_joints, of_drives, of_masse
 from flexarm.identification.fitting import COARSE, Fit, FitFailure, FitProblem, fit_from
 from flexarm.identification.input_noise import with_input_noise
 from flexarm.identification.prediction import PredictedRun
-from flexarm.identification.record import MEASURED, check_label
+from flexarm.identification.record import MEASURED, Label, check_label, units_of
 from flexarm.identification.result import SIGNIFICANT
 from flexarm.identification.runs import RecordRun
 from flexarm.identification.space import (
@@ -46,6 +46,7 @@ from flexarm.identification.statistics import (
 from flexarm.integrate.base import FloatArray
 from flexarm.model import ArmSpec, Friction, Joint
 from flexarm.model.paths import number_at, with_number
+from flexarm.simulation.run.channels import SLIDING
 
 #: Size of added inputs, as a fraction of the largest input.
 _SIZE = 0.01
@@ -54,16 +55,14 @@ _SIZE = 0.01
 _DEVIATIONS, _SHARE, _DISTINCT = 3.5, 0.1, 1e-6
 #: Blocks of the records, and least deviations by their scatter (95 % of t for eight of them).
 _BLOCKS, _CONSISTENT = 8, 2.36
-#: Share, relative to that of the best, from which an effect is its rival: which one it is, only
-#: fits tell.
-_ALIKE = 0.9
 #: Most effects that are named, and half the width of a 95 % interval in standard deviations.
 _MOST, HALF = 3, 1.96
 #: For a rigid joint with backlash: vibration of its gear relative to the rate of the record, part
 #: of the critical damping, and part of the hub's inertia that is the motor's if none is given.
 _GEAR, _DAMPED, _MOTOR = 0.25, 0.5, 0.4
 #: Least power of residuals, as a fraction, that a fit of all but backlash must leave if a gap is
-#: named, and its evaluations. Gaps leave 0.74 to 0.88, records without one at most 0.3.
+#: named, and most evaluations of fits with effects. Gaps leave 0.74 to 0.88, records without one
+#: at most 0.3.
 _LEFT, _EVALUATIONS = 0.5, 24
 #: Rates below which friction is smooth, and over which Stribeck friction decays at first, as
 #: fractions of the largest joint rate.
@@ -79,7 +78,6 @@ class Effect(NamedTuple):
     shift: FloatArray  # (parameters,) change of the estimates in a model that has it
     path: str = ""  # of the parameter that describes it, if there is one
     size: float = 0.0  # of the effect, SI units; of a gain, its relative error
-    rivals: tuple[str, ...] = ()  # paths of effects that explain nearly as much
     test: tuple[_Candidate, float] | None = None  # with the share of the residuals' power
 
 
@@ -111,12 +109,11 @@ def missing_effects(
     columns: Sequence[Column],
     priors: FloatArray,
     most: int = _MOST,
-    first: str = "",
 ) -> list[Effect]:
     """Return the effects that residuals show and the model lacks, the largest first.
 
-    ``columns`` are those of the fit, ``priors`` (parameters,) inverse variances, ``first`` the path
-    of the effect to begin with. Prediction errors are not tested: a filter follows effects.
+    ``columns`` are those of the fit, ``priors`` (parameters,) inverse variances. Prediction errors
+    are not tested: a filter follows effects.
     """
     if any(isinstance(run, PredictedRun) for run in problem.runs):
         return []
@@ -126,13 +123,10 @@ def missing_effects(
     residuals = np.concatenate([column.residuals for column in columns])
     basis, triangle = np.linalg.qr(slopes)
     total, chosen = float(residuals @ residuals), list[tuple[_Candidate, float]]()
-    rivals: list[tuple[str, ...]] = []
     while candidates and total > 0.0 and len(chosen) < most:
         rest = residuals - basis @ (basis.T @ residuals)
         tests = [_test(candidate, columns, basis, rest, total) for candidate in candidates]
-        shares = [share for share, _ in tests]
-        paths = [candidate.path for candidate in candidates]
-        best = paths.index(first) if first in paths and not chosen else int(np.argmax(shares))
+        best = int(np.argmax([share for share, _ in tests]))
         share, direction = tests[best]
         if share < _SHARE:
             break
@@ -140,8 +134,6 @@ def missing_effects(
             candidates = [candidate for candidate in candidates if not _is_gap(candidate)]
             continue
         basis = np.column_stack([basis, direction])
-        alike = zip(paths, shares, strict=True)
-        rivals.append(tuple(p for p, s in alike if p != paths[best] and s > _ALIKE * share))
         chosen.append((candidates.pop(best), share))
     if not chosen:
         return []
@@ -153,8 +145,8 @@ def missing_effects(
     inverse = np.linalg.pinv(rows)[:, : len(scale)]
     shifts = scale[:, None] * (inverse @ (basis[:, : len(scale)].T @ (changes * sizes)))
     return [
-        Effect(_sentence(*test, size), shift, test[0].path, float(size), alike, test)
-        for test, size, shift, alike in zip(chosen, sizes, shifts.T, rivals, strict=True)
+        Effect(_sentence(*test, size), shift, test[0].path, float(size), test)
+        for test, size, shift in zip(chosen, sizes, shifts.T, strict=True)
         # Together, effects may leave a size without meaning for one that was positive alone.
         if size > 0.0 or not test[0].positive
     ]
@@ -447,7 +439,8 @@ def _candidates(problem: FitProblem, fit: Fit) -> list[_Candidate]:
             columns_of_effect = changes.setdefault(path, list(zeros))
             columns_of_effect[k] = problem.whitened(k, np.where(tested, change, 0.0))
             driven = run.record.driven and run.record.input in MEASURED
-            units[path] = _unit(path, MEASURED[run.record.input].unit if driven else "")
+            of_input = MEASURED[run.record.input].unit if driven else ""
+            units[path] = _unit(path, of_input, sliding_joints(case.spec))
     records = [run.record for run in problem.runs]
     return [
         _Candidate(
@@ -466,14 +459,26 @@ def _is_delay(path: str) -> bool:
     return path.startswith("delays.")
 
 
-def _unit(path: str, of_input: str) -> str:
+def sliding_joints(spec: ArmSpec) -> set[object]:
+    """Return the numbers of the joints that slide."""
+    return {k for k, joint in enumerate(spec.joints, 1) if joint.kind == "prismatic"}
+
+
+def unit_of(label: Label, slides: Container[object]) -> str:
+    """Return the SI unit of a number of a record, empty for a ratio; ``slides``: sliding joints."""
+    unit, *sliding = units_of(MEASURED[label.channel])
+    return (sliding[0] if sliding and label.part in slides else unit).replace("1", "")
+
+
+def _unit(path: str, of_input: str, slides: Container[object]) -> str:
     """Return the unit of the size of an effect, with the unit of the input; empty without one."""
     kind, _, text = path.partition(".")
-    if path.startswith("joints["):
-        return "rad" if path.endswith("backlash") else of_input
+    if match := OF_JOINT.match(path):
+        unit = SLIDING.get(of_input, of_input) if int(match[1]) + 1 in slides else of_input
+        return "rad" if path.endswith("backlash") else unit
     if kind in ("delays", "gains"):
         return "s" if kind == "delays" else ""
-    unit = MEASURED[check_label("path", text).channel].unit.replace("1", "")
+    unit = unit_of(check_label("path", text), slides)
     return f"{unit}/s" if kind == "drifts" else unit
 
 
